@@ -1177,7 +1177,7 @@ impl Resolver<'_> {
         let port = &node.declaration().ports[at.port];
         let dims = match node.sources[at.port] {
             Some(source) if port.is_input() => self.dims(source)?,
-            _ => self.declared(at.node, &port.extent)?.unwrap_or(Dims { width: 1, height: 1 }),
+            _ => self.declared(at.node, port.extent_on(node.side))?.unwrap_or(Dims { width: 1, height: 1 }),
         };
         self.visiting.pop();
         self.known.insert(at, dims);

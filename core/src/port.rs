@@ -4,7 +4,7 @@ use std::{borrow::Cow, fmt, marker::PhantomData};
 
 use bytemuck::Pod;
 
-use crate::{facts::Quantity, rule::Rule};
+use crate::{facts::Quantity, rule::Rule, side::Side};
 
 /// A texture format that both sides support. All can be written as storage textures on every WebGPU device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -529,6 +529,8 @@ pub struct Port {
     pub rules: Cow<'static, [Rule]>,
     /// Its number of elements.
     pub extent: Extent,
+    /// Its number of elements where the stage runs on the CPU, if that is another one.
+    pub extent_on_cpu: Option<Extent>,
     /// How long its values live (written ports).
     pub lifetime: Lifetime,
     /// Whether it may stay unconnected.
@@ -538,6 +540,11 @@ pub struct Port {
 }
 
 impl Port {
+    /// Its number of elements where the stage runs on this side.
+    pub fn extent_on(&self, side: Side) -> &Extent {
+        self.extent_on_cpu.as_ref().filter(|_| side == Side::Cpu).unwrap_or(&self.extent)
+    }
+
     /// The WGSL variable of a field of this port.
     pub fn variable(&self, field: usize) -> String {
         match self.fields[field].name.as_ref() {

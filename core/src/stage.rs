@@ -155,6 +155,7 @@ impl<'a> Io<'a> {
             scratch,
             rules: rules.into(),
             extent,
+            extent_on_cpu: None,
             lifetime: Lifetime::Transient,
             optional: false,
             table: &[],
@@ -235,6 +236,12 @@ impl<'a> Io<'a> {
         // No stage has 2^32 numbers in it.
         let _: Out<u32> = self.persistent(name, port::scratch(doc), Extent::Fixed([numbers.len() as u32, 1]));
         self.declared.ports.last_mut().expect("pushed").table = numbers;
+    }
+
+    /// Gives a scratch port another number of elements where the stage runs on the CPU, whose twin uses that memory in
+    /// another way.
+    pub fn extent_on_cpu(&mut self, port: impl Into<FieldRef>, extent: Extent) {
+        self.declared.ports[port.into().port as usize].extent_on_cpu = Some(extent);
     }
 
     /// A port of several variables, bound as `name_field`: one wire, a structure of arrays.

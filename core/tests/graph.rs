@@ -72,6 +72,17 @@ stage!(Double, "double", |io| {
     io.shader(Shader::new("double.wgsl", "@group(0) @binding(0) var<storage, read_write> out: array<f32>;"));
     io.dispatch("main", out);
 });
+stage!(List, "list", |io| {
+    let out = io.write::<f32>("out", "numbers", Extent::Frame(1));
+    let list = io.write::<[f32; 4]>("list", scratch("colours, or a list of numbers"), Extent::Frame(1));
+    io.extent_on_cpu(list, Extent::Frame(2));
+    io.shader(Shader::new(
+        "list.wgsl",
+        "@group(0) @binding(0) var<storage, read_write> out: array<f32>;
+         @group(0) @binding(1) var<storage, read_write> list: array<vec4<f32>>;",
+    ));
+    io.dispatch("main", out);
+});
 stage!(Change, "change", |io| io.update::<f32>("data", "changed in place", Extent::Any));
 stage!(Memory, "memory", |io| io.persistent::<f32>("out", "kept", Extent::PerPixel(0.5)));
 stage!(Hundredth, "hundredth", |io| io.write::<f32>("out", "some", Extent::PerPixel(0.01)));
@@ -252,6 +263,7 @@ fn registry() -> Registry {
         .with::<Read>()
         .with::<Change>()
         .with::<Double>()
+        .with::<List>()
         .with::<Memory>()
         .with::<Hundredth>()
         .with::<Most>()
@@ -589,6 +601,18 @@ fn shares_of_the_pixels_are_rounded_to_the_nearest() {
         let (graph, _) = compiled(nodes, "hundredth.out", &settings);
         let length = |name| graph.nodes[graph.node(name).unwrap()].dims[0].count();
         assert_eq!([length("hundredth"), length("most")], lengths, "{size:?}");
+    }
+}
+
+#[test]
+fn the_twin_of_a_shader_may_need_less_memory() {
+    let node = r#""list": (kind: "list"),"#;
+    for (side, elements) in [(Side::Cpu, [64 * 48, 32 * 24]), (Side::Gpu, [64 * 48, 64 * 48])] {
+        let (graph, plan) = compiled(node, "list.out", &Settings { side, ..settings() });
+        let list = &graph.nodes[graph.node("list").unwrap()];
+        assert_eq!(list.side, side);
+        assert_eq!([0, 1].map(|port| list.dims[port].count()), elements);
+        assert_eq!(plan.bytes(side), (4 * elements[0] + 16 * elements[1]) as u64);
     }
 }
 

@@ -53,6 +53,7 @@ fn port(name: &'static str, access: Access, element: Element) -> Port {
         scratch: false,
         rules: Default::default(),
         extent: Extent::Any,
+        extent_on_cpu: None,
         lifetime: Lifetime::Transient,
         optional: false,
         table: &[],

@@ -48,6 +48,9 @@ const SQUARES: [usize; 4] = [1, 2, 4, 8];
 /// Holes per parallel task.
 const CHUNK: usize = 512;
 
+/// Holes whose colours are found before they are assigned.
+const PART: usize = 8 * CHUNK;
+
 choice! {
     /// How holes are filled.
     pub enum Method {
@@ -105,10 +108,11 @@ impl Stage for Spread {
             // A quarter of that would do, but for what rounding adds to images of a few tiles.
             Extent::Frame(TILE as u32 / 4),
         );
-        // The twin keeps a list of holes there instead of colours.
         const ANYTHING: &[Rule] = &[Rule::any()];
         let colors = RADIANCE.doc("The colours that holes took.").scratch().within(ANYTHING);
         let found = io.write("found", colors, pixels());
+        // The twin keeps a list of holes there instead of colours, four to an element.
+        io.extent_on_cpu(found, Extent::Frame(2));
         let filled = io.write(
             "filled",
             "The round in which a hole was filled, 0xFFFFFFFF if in none; 0: no hole.",
@@ -149,7 +153,7 @@ impl Stage for Spread {
         let (primary, n8) = (&cx.read(self.primary)[..], &cx.read(self.n8)[..]);
         let (color, filled) = (&mut cx.write(self.color)[..], &mut cx.write(self.filled)[..]);
         let mut found = cx.write(self.found);
-        let list: &mut [Hole] = bytemuck::cast_slice_mut(&mut found);
+        let list: &mut [u32] = &mut bytemuck::cast_slice_mut(&mut found)[..width * height];
 
         let level = cx.level();
         let rows =
@@ -170,7 +174,7 @@ impl Stage for Spread {
             let mut sums = cx.write(self.pyramid);
             let mut pyramid = Pyramid::new(&mut sums, width, height);
             if pyramid.pull(&image) {
-                image.fill(&mut list[..left], |image, hole| image.mean_around(&pyramid, hole));
+                image.fill(&list[..left], |image, hole| image.mean_around(&pyramid, hole));
             }
         }
         Ok(())
@@ -223,17 +227,9 @@ fn mark_holes(primary: &[[f32; 4]], color: &mut [[f32; 4]], filled: &mut [u32]) 
     has_holes
 }
 
-/// A hole and the colour that it takes: an element of `found` on the CPU, which uses it as a list.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Hole {
-    color: [f32; 3],
-    pixel: u32,
-}
-
 /// Lists the holes for which `wanted` holds, in order; returns their number. There must be room for all pixels.
 fn list_holes(
-    list: &mut [Hole],
+    list: &mut [u32],
     width: usize,
     filled: &[u32],
     wanted: impl Fn(usize) -> bool + Sync,
@@ -249,19 +245,19 @@ fn list_holes(
             }
             for (p, &filled) in (y * width + block * TILE..).zip(filled) {
                 if filled == HOLE && wanted(p) {
-                    row[count].pixel = p as u32;
+                    row[count] = p as u32;
                     count += 1;
                 }
             }
         }
         if let Some(next) = row.get_mut(count) {
-            next.pixel = END;
+            *next = END;
         }
     });
     let mut count = 0;
     for row in (0..list.len()).step_by(width) {
         for at in row..row + width {
-            if list[at].pixel == END {
+            if list[at] == END {
                 break;
             }
             list[count] = list[at];
@@ -280,7 +276,7 @@ struct Image<'a> {
 
 impl Image<'_> {
     /// Spreads colours into the holes, in this many rounds.
-    fn spread(&mut self, n8: &[u32], filled: &mut [u32], rounds: u32, list: &mut [Hole]) {
+    fn spread(&mut self, n8: &[u32], filled: &mut [u32], rounds: u32, list: &mut [u32]) {
         // The holes next to colours: those that the coming step fills. Each step appends those of the next one; none is
         // listed twice, so there is room.
         let is_next_to_color = |p| self.joined(n8, p).any(|q| self.color[q][3] > 0.0);
@@ -290,16 +286,16 @@ impl Image<'_> {
                 break;
             }
             let mean_joined = |image: &Self, hole| mean(image.joined(n8, hole).map(|p| image.color[p]));
-            self.fill(&mut list[front.clone()], mean_joined);
+            self.fill(&list[front.clone()], mean_joined);
             let mut end = front.end;
             for at in front.clone() {
-                let hole = list[at].pixel as usize;
+                let hole = list[at] as usize;
                 filled[hole] = step / ROUND + 1;
                 for p in joined(self.width, self.height, n8, hole) {
                     if self.color[p][3] == 0.0 {
                         // Listed, but still without a colour.
                         self.color[p][3] = -1.0;
-                        list[end].pixel = p as u32;
+                        list[end] = p as u32;
                         end += 1;
                     }
                 }
@@ -307,18 +303,22 @@ impl Image<'_> {
             front = front.end..end;
         }
         // Holes that the last step has listed stay holes.
-        list[front].iter().for_each(|hole| self.color[hole.pixel as usize][3] = 0.0);
+        list[front].iter().for_each(|&hole| self.color[hole as usize][3] = 0.0);
     }
 
     /// Assigns colours to holes, each from the image without the others. There must be one for each.
-    fn fill(&mut self, holes: &mut [Hole], color: impl Fn(&Self, usize) -> [f32; 4] + Sync) {
-        holes.par_iter_mut().with_min_len(CHUNK).for_each(|hole| {
-            let [r, g, b, _] = color(self, hole.pixel as usize);
-            hole.color = [r, g, b];
-        });
-        for &Hole { color: [r, g, b], pixel } in &*holes {
-            self.color[pixel as usize] = [r, g, b, 1.0];
+    fn fill(&mut self, holes: &[u32], color: impl Fn(&Self, usize) -> [f32; 4] + Sync) {
+        let mut found = [[0.0; 4]; PART];
+        for part in holes.chunks(PART) {
+            found[..part.len()].par_iter_mut().zip(part).with_min_len(CHUNK).for_each(|(found, &hole)| {
+                *found = color(self, hole as usize);
+            });
+            // They count as holes until all have their colours.
+            for (&[r, g, b, _], &hole) in found.iter().zip(part) {
+                self.color[hole as usize] = [r, g, b, -1.0];
+            }
         }
+        holes.iter().for_each(|&hole| self.color[hole as usize][3] = 1.0);
     }
 
     fn joined(&self, n8: &[u32], p: usize) -> impl Iterator<Item = usize> {
@@ -332,7 +332,10 @@ impl Image<'_> {
             let mut sum = [0.0; 4];
             for y in y.saturating_sub(reach)..(y + reach + 1).min(self.height) {
                 for x in x.saturating_sub(reach)..(x + reach + 1).min(self.width) {
-                    add(&mut sum, self.color[y * self.width + x]);
+                    let color = self.color[y * self.width + x];
+                    if color[3] > 0.0 {
+                        add(&mut sum, color);
+                    }
                 }
             }
             if sum[3] > 0.0 {
@@ -610,6 +613,9 @@ mod tests {
                         assert_eq!(color[3], 1.0);
                     }
                 }
+                // Thousands of holes, whose colours are not all found at once.
+                let both = run_both(&mut harness(params(Method::PushPull, 1), size, &color, &n8));
+                both.assert_close("color", 1e-5);
             }
         }
     }

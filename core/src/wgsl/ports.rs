@@ -323,6 +323,7 @@ impl Draft<'_> {
             rules: self.rules(&fields, access, wrong).into(),
             fields,
             extent: Extent::Any,
+            extent_on_cpu: None,
             lifetime: if kept { Lifetime::Persistent } else { Lifetime::Transient },
             optional: self.said.optional.is_some(),
             table: &[],
