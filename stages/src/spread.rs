@@ -152,8 +152,8 @@ impl Stage for Spread {
         let (width, height) = (cx.dims(self.color).width as usize, cx.dims(self.color).height as usize);
         let (primary, n8) = (&cx.read(self.primary)[..], &cx.read(self.n8)[..]);
         let (color, filled) = (&mut cx.write(self.color)[..], &mut cx.write(self.filled)[..]);
-        let mut found = cx.write(self.found);
-        let list: &mut [u32] = &mut bytemuck::cast_slice_mut(&mut found)[..width * height];
+        let mut memory = cx.write(self.found);
+        let list: &mut [u32] = &mut bytemuck::cast_slice_mut(&mut memory)[..width * height];
 
         let level = cx.level();
         let rows =
@@ -166,15 +166,16 @@ impl Stage for Spread {
         }
 
         let mut image = Image { color, width, height };
+        let mut found: Found = [[0.0; 4]; PART];
         if params.method == Method::Spread {
-            image.spread(n8, filled, params.rounds, list);
+            image.spread(n8, filled, params.rounds, list, &mut found);
         }
         let left = list_holes(list, width, filled, |_| true);
         if left > 0 {
             let mut sums = cx.write(self.pyramid);
             let mut pyramid = Pyramid::new(&mut sums, width, height);
             if pyramid.pull(&image) {
-                image.fill(&list[..left], |image, hole| image.mean_around(&pyramid, hole));
+                image.fill(&list[..left], &mut found, |image, hole| image.mean_around(&pyramid, hole));
             }
         }
         Ok(())
@@ -267,6 +268,9 @@ fn list_holes(
     count
 }
 
+/// The colours of holes until they are assigned.
+type Found = [[f32; 4]; PART];
+
 /// Colours with alpha 1, or zeros: an alpha of 0 or less marks a hole.
 struct Image<'a> {
     color: &'a mut [[f32; 4]],
@@ -276,7 +280,7 @@ struct Image<'a> {
 
 impl Image<'_> {
     /// Spreads colours into the holes, in this many rounds.
-    fn spread(&mut self, n8: &[u32], filled: &mut [u32], rounds: u32, list: &mut [u32]) {
+    fn spread(&mut self, n8: &[u32], filled: &mut [u32], rounds: u32, list: &mut [u32], found: &mut Found) {
         // The holes next to colours: those that the coming step fills. Each step appends those of the next one; none is
         // listed twice, so there is room.
         let is_next_to_color = |p| self.joined(n8, p).any(|q| self.color[q][3] > 0.0);
@@ -286,7 +290,7 @@ impl Image<'_> {
                 break;
             }
             let mean_joined = |image: &Self, hole| mean(image.joined(n8, hole).map(|p| image.color[p]));
-            self.fill(&list[front.clone()], mean_joined);
+            self.fill(&list[front.clone()], found, mean_joined);
             let mut end = front.end;
             for at in front.clone() {
                 let hole = list[at] as usize;
@@ -307,8 +311,7 @@ impl Image<'_> {
     }
 
     /// Assigns colours to holes, each from the image without the others. There must be one for each.
-    fn fill(&mut self, holes: &[u32], color: impl Fn(&Self, usize) -> [f32; 4] + Sync) {
-        let mut found = [[0.0; 4]; PART];
+    fn fill(&mut self, holes: &[u32], found: &mut Found, color: impl Fn(&Self, usize) -> [f32; 4] + Sync) {
         for part in holes.chunks(PART) {
             found[..part.len()].par_iter_mut().zip(part).with_min_len(CHUNK).for_each(|(found, &hole)| {
                 *found = color(self, hole as usize);
