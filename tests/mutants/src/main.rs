@@ -181,7 +181,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Ok(());
     }
 
-    let tests = run::Tests::build(&copy, &place, args.quick)?;
+    let tests = run::Tests::build(&copy, &place, &wanted, args.quick)?;
     let mut random = args.seed;
     let mut report = String::new();
     let position = |name: &String| PARTS.iter().position(|(known, _)| known == name);

@@ -78,8 +78,13 @@ pub struct Tests {
 
 impl Tests {
     /// Builds them, and runs each test without a mutant to see what it reaches. Tests that fail with the switches alone,
-    /// because they read the sources, are left out.
-    pub fn build(copy: &Path, place: &Path, quick: bool) -> Result<Self, Box<dyn Error>> {
+    /// because they read the sources, are left out, as are those that concern none of the parts.
+    pub fn build(
+        copy: &Path,
+        place: &Path,
+        wanted: &dyn Fn(&str) -> bool,
+        quick: bool,
+    ) -> Result<Self, Box<dyn Error>> {
         let packages = MUTATED.into_iter().chain(["tests"]).map(|name| format!("-pepigraph-{name}"));
         let built = cargo(copy, place)
             .args(["test", "--release", "--no-run", "--message-format=json"])
@@ -124,7 +129,8 @@ impl Tests {
                     None if quick && name == "suite" => return None,
                     _ => parts,
                 };
-                Some(Test {
+                let concerns = parts.is_empty() || parts.iter().any(|part| wanted(part));
+                concerns.then(|| Test {
                     name: test.to_owned(),
                     parts,
                     is_of_module: name.starts_with("epigraph"),
