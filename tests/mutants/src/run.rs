@@ -31,7 +31,8 @@ pub enum Verdict {
 }
 
 /// The tests of whole graphs that take seconds and notice most: the module, and the parts that it concerns.
-const WIDE: [(&str, &[&str]); 6] = [
+const WIDE: [(&str, &[&str]); 7] = [
+    ("broken::", &["core"]),
     ("measures::texts", &["core"]),
     ("measures::graphs", &["core", "stages", "scenes"]),
     ("measures::scenes", &["scenes"]),
