@@ -252,13 +252,14 @@ impl Graph {
 
     /// Sets [`Node::dims`] from the declared extents. An error names the node and the problem with its extents.
     pub(crate) fn resolve_dims(&mut self, settings: &Settings) -> Result<(), (NodeId, String)> {
-        let mut resolver = Resolver { graph: self, settings, known: HashMap::new(), visiting: Vec::new() };
+        let mut resolver = Resolver { graph: self, settings, known: HashMap::new() };
         for node in self.nodes.indices() {
             for port in 0..resolver.graph.nodes[node].sources.len() {
                 resolver.dims(PortRef { node, port }).map_err(|text| (node, text))?;
             }
         }
-        for (at, dims) in resolver.known {
+        let known = resolver.known.into_iter();
+        for (at, dims) in known.filter_map(|(at, dims)| Some((at, dims?))) {
             self.nodes[at.node].dims[at.port] = dims;
         }
         for (index, node) in self.nodes.iter_enumerated() {
@@ -984,8 +985,7 @@ impl<'a> Checker<'a> {
             self.problem(at, span, None, GraphError::Invalid(text));
             return;
         }
-        let mut resolver =
-            Resolver { graph, settings: self.settings, known: HashMap::new(), visiting: Vec::new() };
+        let mut resolver = Resolver { graph, settings: self.settings, known: HashMap::new() };
         for node in resolver.graph.nodes.indices() {
             for port in 0..resolver.graph.nodes[node].sources.len() {
                 let at = PortRef { node, port };
@@ -1160,27 +1160,23 @@ fn live(made: &IndexVec<FlatId, Made>, bypass: &Bypassed) -> BTreeSet<FlatId> {
 struct Resolver<'g> {
     graph: &'g Graph,
     settings: &'g Settings,
-    known: HashMap<PortRef, Dims>,
-    visiting: Vec<PortRef>,
+    /// `None` for those that are being resolved.
+    known: HashMap<PortRef, Option<Dims>>,
 }
 
 impl Resolver<'_> {
     fn dims(&mut self, at: PortRef) -> Result<Dims, String> {
-        if let Some(dims) = self.known.get(&at) {
-            return Ok(*dims);
+        if let Some(known) = self.known.get(&at) {
+            return known.ok_or_else(|| format!("the extent of `{}` depends on itself", self.graph.name(at)));
         }
-        if self.visiting.contains(&at) {
-            return Err(format!("the extent of `{}` depends on itself", self.graph.name(at)));
-        }
-        self.visiting.push(at);
+        self.known.insert(at, None);
         let node = &self.graph.nodes[at.node];
         let port = &node.declaration().ports[at.port];
         let dims = match node.sources[at.port] {
             Some(source) if port.is_input() => self.dims(source)?,
             _ => self.declared(at.node, port.extent_on(node.side))?.unwrap_or(Dims { width: 1, height: 1 }),
         };
-        self.visiting.pop();
-        self.known.insert(at, dims);
+        self.known.insert(at, Some(dims));
         Ok(dims)
     }
 
