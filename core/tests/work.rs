@@ -96,7 +96,7 @@ impl Stage for Draw {
 @vertex fn place(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
     return vec4(list[index], 0.5, 1.0);
 }
-@fragment fn paint() -> @location(0) vec4<f32> { return vec4(1.0); }";
+@fragment fn paint() -> @location(0) vec4<f32> { return vec4(f32(arrayLength(&list))); }";
         io.shader(Shader::new("draw.wgsl", source));
         let list: In<[f32; 2]> = io.read("list", "places", Extent::Any);
         let drawn = io.write::<texel::Rgba16Float>("drawn", "points", Extent::Frame(1));

@@ -261,3 +261,101 @@ impl Versions {
         self.seen.iter_mut().for_each(Vec::clear);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        CpuContext, Facts, GraphFile, In, Registry, Settings,
+        compile::compile,
+        port::Extent,
+        stage::{Io, Stage},
+    };
+
+    /// A stage that does nothing, with its declaration.
+    macro_rules! stage {
+        ($stage:ident, $kind:literal, |$io:ident| $declare:expr) => {
+            struct $stage;
+            impl Stage for $stage {
+                const KIND: &'static str = $kind;
+                const DOC: &'static str = "Does nothing.";
+                type Params = ();
+                fn declare((): &(), $io: &mut Io) -> Self {
+                    $declare;
+                    Self
+                }
+                fn cpu(&self, (): &(), _: &CpuContext) -> Result<(), String> {
+                    Ok(())
+                }
+            }
+        };
+    }
+    stage!(Sum, "sum", |io| {
+        io.per_budget();
+        io.history::<u32>("before", "its output", Extent::Frame(1));
+        io.write::<u32>("sum", "numbers", Extent::Frame(1));
+    });
+    stage!(See, "see", |io| {
+        io.per_view();
+        io.read::<u32>("sum", "numbers", Extent::Frame(1));
+        io.write::<u32>("seen", "numbers", Extent::Frame(1));
+    });
+    stage!(Wait, "wait", |io| {
+        let before: In<u32> = io.history("before", "last frame's numbers", Extent::Frame(1));
+        io.per_change([before.into()]);
+        io.write::<u32>("waited", "numbers", Extent::Frame(1));
+    });
+    stage!(Both, "both", |io| {
+        io.read::<u32>("seen", "numbers", Extent::Frame(1));
+        io.read::<u32>("waited", "numbers", Extent::Frame(1));
+        io.write::<u32>("out", "numbers", Extent::Frame(1));
+    });
+
+    const GRAPH: &str = r#"Graph(version: 1, nodes: {
+        "sum": (kind: "sum", inputs: { "before": "sum.sum" }),
+        "see": (kind: "see", inputs: { "sum": "sum.sum" }),
+        "wait": (kind: "wait", inputs: { "before": "sum.sum" }),
+        "both": (kind: "both", inputs: { "seen": "see.seen", "waited": "wait.waited" }),
+    }, outputs: { "image": "both.out" })"#;
+
+    #[test]
+    fn what_a_frame_without_samples_leaves_has_the_numbers_of_the_frame_before() {
+        use Due::{Repeat, Run, Skip};
+        let registry = Registry::default().with::<Sum>().with::<See>().with::<Wait>().with::<Both>();
+        let file = GraphFile::parse("test.ron", GRAPH).unwrap();
+        let settings = Settings::new([4, 4], 1, Facts::none());
+        let (_, plan) = compile(&file, &registry, &settings).unwrap();
+        let mut versions = Versions::new(&plan);
+        let node = |name| plan.nodes.position(|node| node.name == name).unwrap();
+        let sum = plan.nodes[node("sum")].first_writes[0];
+        // One sample is a budget. `sum` runs once more without; `wait` sees its last frame.
+        for (index, samples, expected) in [
+            (0, 1, [Run, Run, Run]),
+            (1, 1, [Run, Run, Run]),
+            (2, 0, [Run, Run, Run]),
+            (3, 0, [Repeat, Skip, Run]),
+            (4, 0, [Skip, Skip, Skip]),
+            (5, 0, [Skip, Skip, Skip]),
+        ] {
+            versions.begin(&Frame { index, samples, ..Frame::default() }, index as usize & 1);
+            let due = ["sum", "see", "wait"].map(|name| {
+                let due = versions.due(&plan, node(name));
+                if due != Skip {
+                    versions.ran(&plan, node(name), &Changes::default(), due);
+                }
+                due
+            });
+            assert!(due == expected, "frame {index}");
+            // Contents are sent once.
+            let sent = [0, 1].map(|_| versions.transfer(&plan, Value::now(sum), Side::Gpu));
+            assert_eq!(sent, [index < 4, false], "frame {index}");
+        }
+        // After a failure nothing is known, of both slots.
+        versions.forget();
+        for parity in [0, 1] {
+            versions.begin(&Frame::default(), parity);
+            assert!(["sum", "see", "wait"].into_iter().all(|name| versions.due(&plan, node(name)) == Run));
+            assert!(versions.transfer(&plan, Value::now(sum), Side::Gpu));
+        }
+    }
+}
