@@ -87,6 +87,8 @@ struct Microfacets {
     dielectric_f0: f32,
     tint: Vec3,
     metallic: f32,
+    /// Reflectance at grazing incidence.
+    f90: f32,
     /// Square of the perceptual roughness.
     alpha: f32,
     /// Whether it reflects like a mirror.
@@ -141,6 +143,8 @@ impl Bsdf {
             dielectric_f0: look.f0,
             tint: look.color,
             metallic: look.metallic,
+            // A dielectric without reflectance at normal incidence has none at all.
+            f90: if look.f0 == 0.0 { look.metallic } else { 1.0 },
             alpha: alpha.max(MIN_ALPHA),
             is_perfect: alpha < MIN_ALPHA && (look.metallic == 1.0 || transmits > 0.0),
             eta,
@@ -226,7 +230,7 @@ impl Bsdf {
     fn facet_shares(&self, lobe: &Microfacets) -> [f32; 2] {
         let mut reflected = match lobe.eta {
             Some(_) => lobe.fresnel(self.normal.dot(self.to_viewer)),
-            None => lobe.f0 * lobe.here.reflected(1.0) + (1.0 - lobe.f0) * lobe.here.reflected(0.0),
+            None => lobe.f0 * lobe.here.reflected(1.0) + (lobe.f90 - lobe.f0) * lobe.here.reflected(0.0),
         }
         .max_element();
         if !lobe.is_perfect {
@@ -370,7 +374,7 @@ pub(super) fn straight_through(look: &Look, cosine: f32, mode: Mode) -> Vec3 {
     if !is_clear && mode == Mode::Path {
         return Vec3::ZERO;
     }
-    let fresnel = look.f0 + (1.0 - look.f0) * schlick(cosine);
+    let fresnel = if look.f0 > 0.0 { look.f0 + (1.0 - look.f0) * schlick(cosine) } else { 0.0 };
     look.color * (look.transmission * (1.0 - look.metallic) * (1.0 - fresnel))
 }
 
@@ -390,14 +394,15 @@ impl Microfacets {
         match self.eta {
             // Of the dielectric; a share of metal under glass is that of the mix.
             Some(eta) => Vec3::splat(fresnel_dielectric(cosine, eta)),
-            None => self.f0 + (1.0 - self.f0) * schlick(cosine),
+            None => self.f0 + (self.f90 - self.f0) * schlick(cosine),
         }
     }
 
     /// The same lobe over a base of this albedo, seen at this cosine.
     fn over(self, base: Vec3, cosine: f32) -> Self {
         let (albedo, here) = (self.albedo, self.albedo.at(cosine));
-        let repeated = albedo.repeated(Vec3::splat(self.dielectric_f0)).x;
+        let of_dielectric = albedo.repeated(Vec3::splat(self.dielectric_f0)).x;
+        let repeated = if self.dielectric_f0 > 0.0 { of_dielectric } else { 0.0 };
         let lobe = Self { here, repeated, ..self };
         let lost = albedo.mean.lost();
         Self {
@@ -454,7 +459,7 @@ fn fresnel_dielectric(cosine: f32, eta: f32) -> f32 {
 
 /// (1 - cos)^5 (Schlick 1994).
 pub(super) fn schlick(cosine: f32) -> f32 {
-    let m = (1.0 - cosine).clamp(0.0, 1.0);
+    let m = (1.0 - cosine).max(0.0);
     m * m * m * m * m
 }
 
@@ -558,7 +563,10 @@ mod tests {
             ("metal", Material::metal("", white, 0.4)),
             ("rough metal", Material::metal("", white, 1.0)),
             ("mix", Material { metallic: 0.5, ..Material::glossy("", white, 0.4, 0.04) }),
+            ("mix without a coat", Material { metallic: 0.5, ..Material::glossy("", white, 0.4, 0.0) }),
             ("mirror", Material::mirror("", white)),
+            ("thin air", Material { medium: None, ..Material::glass("", white, 1.0) }),
+            ("rough thin air", Material { medium: None, roughness: 0.3, ..Material::glass("", white, 1.0) }),
             ("glass", Material::glass("", white, 1.5)),
             ("thin glass", thin(0.0)),
             ("rough thin glass", thin(0.3)),
@@ -605,6 +613,103 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn shares_of_lobes_are_probabilities() {
+        for cosine in [0.1, 0.6, 1.0] {
+            assert_eq!(bsdf(&Material::diffuse("", Vec3::ONE), cosine).lobe_shares(), [1.0, 0.0, 0.0]);
+            assert_eq!(bsdf(&Material::mirror("", Vec3::ONE), cosine).lobe_shares(), [0.0, 1.0, 0.0]);
+            for (name, material) in white() {
+                let bsdf = bsdf(&material, cosine);
+                let [diffuse, specular, transmit] = bsdf.lobe_shares();
+                assert!((diffuse + specular + transmit - 1.0).abs() < 1e-6, "{name}");
+                let is_clear = material.transmission == 1.0;
+                assert_eq!(transmit > 0.0, material.transmission > 0.0, "{name}");
+                assert_eq!(specular > 0.0, material.metallic > 0.0 || material.f0 > 0.0, "{name}");
+                assert!(!(is_clear && diffuse > 0.1), "{name}: {diffuse}");
+                // In direct mode, base and metals reflect lights only, unless they are seen first.
+                let direct = [true, false].map(|at_first| bsdf.direct_shares(at_first).iter().sum::<f32>());
+                let shows = material.metallic > 0.0 || material.f0 > 0.1 || material.roughness <= 0.6;
+                let is_glass = material.transmission > 0.0;
+                let expected = [is_glass || shows, is_glass].map(|is| f32::from(u8::from(is)));
+                assert!((direct[0] - expected[0]).abs() + (direct[1] - expected[1]).abs() < 1e-6, "{name}");
+            }
+        }
+        let nothing = bsdf(&Material::diffuse("", Vec3::ONE), 0.6);
+        assert_eq!([true, false].map(|at_first| nothing.direct_shares(at_first)), [[0.0; 3]; 2]);
+    }
+
+    #[test]
+    fn roughness_decides_what_reflects_perfectly_and_what_shows_reflections() {
+        // Squares of 0.001936 and 0.002025.
+        let is_mirror = |roughness| bsdf(&Material::metal("", Vec3::ONE, roughness), 0.8).mirror().is_some();
+        assert_eq!([0.0, 0.044, 0.045, 0.3].map(is_mirror), [true, true, false, false]);
+        let is_mirror = |material: Material| bsdf(&material, 0.8).mirror().is_some();
+        assert!(!is_mirror(Material::glossy("", Vec3::ONE, 0.0, 0.04)));
+        assert!(!is_mirror(Material::glass("", Vec3::ONE, 1.5)), "it also lets light through");
+        for (roughness, f0, shows) in
+            [(0.6, 0.04, true), (0.61, 0.04, false), (0.9, 0.1, false), (0.9, 0.11, true)]
+        {
+            let glossy = glossy(roughness, f0, 0.5, 0.8);
+            let expected = if shows { [0.0, 1.0, 0.0] } else { [0.0; 3] };
+            assert_eq!([glossy.direct_shares(true), glossy.direct_shares(false)], [expected, [0.0; 3]]);
+        }
+    }
+
+    #[test]
+    fn sharpness_is_the_share_that_is_not_diffuse_over_its_width() {
+        let of = |material: &Material| bsdf(material, 0.8).sharpness();
+        assert_eq!(of(&Material::diffuse("", Vec3::ONE)), 0.0);
+        for clear in [Material::mirror("", Vec3::ONE), Material::glass("", Vec3::ONE, 1.5)] {
+            assert!((of(&clear) - 500.0).abs() < 1e-2, "{}", of(&clear));
+        }
+        for coat in [Material::glossy("", Vec3::ZERO, 0.5, 0.3), Material::glossy("", Vec3::ONE, 0.5, 0.04)] {
+            let [_, specular, _] = bsdf(&coat, 0.8).lobe_shares();
+            assert!((of(&coat) - specular / 0.25).abs() < 1e-5 && specular > 0.05);
+        }
+    }
+
+    #[test]
+    fn normals_that_face_away_are_bent_until_they_are_just_seen() {
+        let look = Look::of(&Material::diffuse("", Vec3::ONE));
+        let viewer = Vec3::X;
+        for (degrees, cosine) in
+            [(0.0_f32, 1.0), (60.0, 0.5), (89.9, 0.001_745), (90.0, 1e-3), (100.0, 1.0154e-3)]
+        {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let found = Bsdf::new(&look, Vec3::new(cos, sin, 0.0), viewer, true).normal;
+            assert!(found.is_normalized() && found.z == 0.0 && found.y >= 0.0);
+            assert!((found.dot(viewer) - cosine).abs() < 1e-5, "{degrees}: {found}");
+        }
+        assert_eq!(Bsdf::new(&look, -viewer, viewer, true).normal, viewer);
+    }
+
+    #[test]
+    fn rough_glass_passes_light_straight_on_in_direct_mode_only() {
+        let glass = |roughness, medium| {
+            let clear = Material::glass("", Vec3::new(0.9, 0.8, 0.7), 1.5);
+            Look::of(&Material { roughness, medium, metallic: 0.25, transmission: 0.5, ..clear })
+        };
+        let medium = Some(crate::Medium { ior: 1.5, absorption: Vec3::ZERO });
+        // Half of what three quarters of dielectric do not reflect.
+        let expected = |cosine: f32| {
+            let fresnel = 0.04 + 0.96 * (1.0 - cosine).powi(5);
+            0.375 * (1.0 - fresnel) * Vec3::new(0.9, 0.8, 0.7)
+        };
+        for cosine in [0.1, 0.5, 1.0] {
+            for (roughness, medium, passes) in
+                [(0.0, None, true), (0.044, None, true), (0.045, None, false), (0.0, medium, false)]
+            {
+                let look = glass(roughness, medium);
+                let direct = straight_through(&look, cosine, Mode::Direct);
+                assert!(direct.distance(expected(cosine)) < 1e-6, "{direct}");
+                let path = straight_through(&look, cosine, Mode::Path);
+                assert_eq!(path, if passes { direct } else { Vec3::ZERO });
+            }
+        }
+        let air = Look::of(&Material { medium: None, ..Material::glass("", Vec3::ONE, 1.0) });
+        assert_eq!(straight_through(&air, 0.05, Mode::Path), Vec3::ONE);
     }
 
     #[test]
