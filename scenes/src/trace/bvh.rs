@@ -406,6 +406,14 @@ mod tests {
             assert!(range.contains(&(largest * scale)) && scale.log2().fract() == 0.0, "{largest}: {scale}");
         }
         assert_eq!([0.0, f32::INFINITY, f32::NAN].map(power_of_two_scale), [1.0; 3]);
+        for side in [1e-6, 555.0] {
+            let mut builder = SceneBuilder::new();
+            let material = builder.material(Material::diffuse("", Vec3::ONE));
+            builder.add(&Shape::cuboid(Vec3::ZERO, side * Vec3::ONE), material).unwrap();
+            let camera = Camera::look_at(Vec3::X, Vec3::ZERO, 1.0, 0.1, 10.0);
+            let scene = builder.build("", camera, Vec3::ZERO, 0.0, CREASE_ANGLE).unwrap();
+            assert_eq!(Bvhs::new(&scene).still.scale, power_of_two_scale(side));
+        }
     }
 
     #[test]

@@ -537,6 +537,59 @@ mod tests {
     }
 
     #[test]
+    fn points_of_a_quad_are_sampled_by_its_area() {
+        let mut quad = lights(0.0, 1.0).quads[0];
+        for [s, t] in [[0.5, 0.5], [0.0, 0.0], [0.9, 0.25]] {
+            let point = Vec3::new(s - 0.5, 1.0, t - 0.5);
+            // The square of the distance over the cosine: that of the light is one over the distance.
+            let cubed = point.length().powi(3);
+            for (in_mesh, pdf) in [(false, 0.0), (true, cubed)] {
+                quad.in_mesh = in_mesh;
+                let light = quad.towards(Vec3::ZERO, [s, t]).unwrap();
+                assert!(light.direction.distance(point.normalize()) < 1e-6);
+                assert!(
+                    (light.pdf - pdf).abs() < 1e-5 && (light.power - 3.0 / cubed).abs().max_element() < 1e-5
+                );
+                // In front of the light by some units in the last place.
+                let off = point - light.target;
+                assert!(off.x == 0.0 && off.z == 0.0 && (1e-6..2e-5).contains(&off.y), "{off}");
+            }
+            let density = quad.pdf(Vec3::ZERO, point, point.normalize()).unwrap();
+            assert!((density - cubed).abs() < 1e-5);
+            assert!(quad.towards(2.0 * Vec3::Y, [s, t]).is_none(), "from behind");
+            assert!(quad.towards(point, [s, t]).is_none(), "from the point itself");
+        }
+    }
+
+    #[test]
+    fn bounds_are_about_the_irradiance() {
+        let emitters = lights(0.0, 1.0);
+        let quad = |from: Vec3, facing| emitters.quads[0].bound(from, facing);
+        // Straight below a square metre at one metre, as of a disc: 1 / (1 + 1 / pi) sr.
+        let solid_angle = 1.0 / (1.0 + FRAC_1_PI);
+        let near =
+            |found: f32, expected: f32| assert!((found / expected - 1.0).abs() < 1e-5, "{found}, {expected}");
+        near(quad(Vec3::ZERO, None), 3.0 * solid_angle);
+        near(quad(Vec3::ZERO, Some(Vec3::Y)), 3.0 * solid_angle);
+        near(quad(Vec3::ZERO, Some(Vec3::new(0.8, 0.6, 0.0))), 0.6 * 3.0 * solid_angle);
+        near(quad(Vec3::ZERO, Some(Vec3::X)), 0.1 * 3.0 * solid_angle);
+        assert_eq!(quad(Vec3::ZERO, Some(Vec3::NEG_Y)), 0.0);
+        assert_eq!([quad(Vec3::Y, None), quad(2.0 * Vec3::Y, None)], [0.0; 2]);
+        // Beside it, the nearest point is one metre to the side: half a right angle, and twice the square.
+        let beside = 0.5_f32.sqrt() / (2.0 + FRAC_1_PI);
+        near(quad(1.5 * Vec3::X, None), 3.0 * beside);
+        near(quad(-1.5 * Vec3::Z, None), 3.0 * beside);
+        let point = |from: Vec3, facing| emitters.points[0].bound(from, facing);
+        // Three metres behind and four below the point light, at a cosine of 0.8 to its right angle.
+        let from = Vec3::new(0.0, -2.0, 2.0);
+        near(point(from, None), 1.0 / 25.0);
+        near(point(from, Some(Vec3::Y)), 0.8 / 25.0);
+        let oblique = Vec3::new(0.0, -0.6, 0.8) + 0.05 * Vec3::new(0.0, 0.8, 0.6);
+        near(point(from, Some(oblique.normalize())), 0.1 / 25.0);
+        assert_eq!(point(from, Some(Vec3::NEG_Y)), 0.0);
+    }
+
+    #[test]
     fn a_point_light_may_be_as_near_as_numbers_allow() {
         let light = |position| Point { position, intensity: Vec3::ONE, cone: None };
         let points = vec![light(Vec3::ZERO), light(Vec3::Y)];
