@@ -200,7 +200,7 @@ impl<'t> Reader<'t> {
 
     /// The end of the last token that was read.
     fn end(&self) -> usize {
-        self.next.checked_sub(1).map_or(0, |last| self.tokens[last].spanned().span.end)
+        self.tokens[self.next - 1].spanned().span.end
     }
 
     fn take_word(&mut self) -> Option<Spanned<&'t str>> {
@@ -343,24 +343,12 @@ impl<'t> Reader<'t> {
             }
             loop {
                 let Some(token) = self.peek() else { return members };
+                self.next += 1;
                 match token.kind {
-                    Kind::Mark('}') => {
-                        self.next += 1;
-                        return members;
-                    }
-                    Kind::Mark(',') => {
-                        self.next += 1;
-                        break;
-                    }
-                    Kind::Mark('(') => {
-                        self.next += 1;
-                        self.skip_to(&[')']);
-                    }
-                    Kind::Doc | Kind::Head => {
-                        self.stray(token.lines());
-                        self.next += 1;
-                    }
-                    _ => self.next += 1,
+                    Kind::Mark('}') => return members,
+                    Kind::Mark(',') => break,
+                    Kind::Doc | Kind::Head => self.stray(token.lines()),
+                    _ => {}
                 }
             }
         }
@@ -464,6 +452,27 @@ fn helper() {}
             assert_eq!((last.name.value, texts(&last.doc)), ("last", own), "{item}");
         }
         assert_eq!(texts(&Outline::of("/// = nothing").stray), ["= nothing"]);
+    }
+
+    #[test]
+    fn what_stands_within_something_is_no_item() {
+        for text in [
+            "fn f() { { { } } @group(0) var hidden: u32; }",
+            "{ @group(0) var hidden: u32; }",
+            "var<private> a: u32 = (@vertex fn hidden);",
+            "const A = f(@vertex fn hidden);",
+            "/*/ @vertex fn hidden() {} */",
+            "/* /* */ @vertex fn hidden() {} */",
+            "/* /* *//* */ @vertex fn hidden() {} */",
+        ] {
+            assert!(Outline::of(text).items.is_empty(), "{text}");
+        }
+        // Behind a type there may be anything.
+        let outline =
+            Outline::of("struct S { a: array<u32, max(2, 3)> /** = within */ /// = too\n, b: u32 }");
+        let ItemKind::Struct(members) = &outline.items[0].kind else { panic!("a struct") };
+        let names: Vec<_> = members.iter().map(|item| item.name.value).collect();
+        assert_eq!((names, texts(&outline.stray)), (vec!["a", "b"], vec!["= within", "= too"]));
     }
 
     #[test]
