@@ -62,7 +62,7 @@ fn syntax_message(path: &str, text: &str, code: &ron::Error, span: Span) -> Stri
     );
     match scan::open_bracket(text, span.start).filter(|_| of_brackets) {
         Some(open) => {
-            let place = Place::of(path, text, Span { start: open, end: open + 1 });
+            let place = Place::of(path, text, Span { start: open, end: open });
             let bracket = &text[open..=open];
             format!("{code}; the `{bracket}` at {}:{} is still open here", place.line, place.column)
         }
