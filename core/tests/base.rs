@@ -230,6 +230,12 @@ fn changes_of_every_kind_are_made() {
         (r#"rewire: { "part/two.b": "three.out" }"#, 43.0),
         (r#"rewire: { "part/two.b": "part.given" }"#, 43.0),
         (r#"rewire: { "part/first.b": "one.out" }"#, 26.0),
+        // An added part, whose factor is 4: (18 + 1) * 4 + 10 * 3 + 4 + 1.
+        (
+            r#"nodes: { "more": (kind: "graph", params: (file: "parts/part.ron"), inputs: { "x": "part.result", "y": "three.out" }) },
+               rewire: { "last.a": "more.result" }"#,
+            111.0,
+        ),
         // Optional inputs may be disconnected.
         (r#"rewire: { "last.b": None, "part/two.b": None }"#, 9.0),
         // Parameters, also where the base sets them for a node of its part.
@@ -392,6 +398,36 @@ fn parameters_of_graphs_reach_replaced_nodes_and_have_other_defaults() {
 }
 
 #[test]
+fn a_change_gives_parameters_of_the_base_other_defaults_words_and_ranges() {
+    let base = BASE.replacen(
+        "nodes:",
+        "params: { \"much\": (default: 2.0, range: (0.0, 9.0), doc: \"How much.\", unit: \"kg\") },\n    nodes:",
+        1,
+    );
+    let mut texts = texts("");
+    texts.files.insert("base.ron", base);
+    let mut spec = |fields: &str| {
+        texts.files.insert("change.ron", format!("Graph(version: 1, base: \"base.ron\", {fields})"));
+        let file = loaded(&texts).unwrap();
+        let whole = file.whole().unwrap();
+        let spec = &whole.params[0].spec;
+        (spec.default.clone(), spec.range, spec.doc.clone(), spec.unit.clone(), whole.doc.clone())
+    };
+    let all = |default: &str, range, doc: &str, unit: &str, of: &str| {
+        (default.to_owned(), Some(range), doc.to_owned(), unit.to_owned(), of.to_owned())
+    };
+    assert_eq!(spec(""), all("2.0", (0.0, 9.0), "How much.", "kg", "The base."));
+    assert_eq!(
+        spec(r#"doc: "Changed.", params: { "much": (default: 3.0) }"#),
+        all("3.0", (0.0, 9.0), "How much.", "kg", "Changed.")
+    );
+    assert_eq!(
+        spec(r#"params: { "much": (default: 30.0, range: (1.0, 99.0), doc: "More.", unit: "g") }"#),
+        all("30.0", (1.0, 99.0), "More.", "g", "The base.")
+    );
+}
+
+#[test]
 fn repeated_nodes_are_swapped_in_all_copies() {
     let mut texts = texts("");
     let base = r#"Graph(version: 1,
@@ -531,6 +567,8 @@ fn mistakes_are_told_where_they_stand() {
         let text = refused(&texts(&change(fields)));
         assert!(text.contains(wanted), "{wanted}\nnot in\n{text}");
     }
+    let text = refused(&texts(&change(r#"set: { "part": (file: "mine.ron") }"#)));
+    assert!(text.ends_with(" ^^^^"), "the name is marked: {text}");
     for (text, wanted) in [
         (r#"Graph(version: 1, base: "bas")"#, "change.ron:1:25: cannot read: bas: "),
         (
@@ -651,6 +689,49 @@ fn what_an_option_changes_is_told_by_its_text() {
 }
 
 #[test]
+fn an_option_sets_a_parameter_of_a_node_or_of_the_graph() {
+    let mut texts = texts("");
+    let base = BASE.replace("amount: 1.0", "amount: Param(\"much\")");
+    texts.files.insert(
+        "change.ron",
+        base.replacen("nodes:", "params: { \"much\": (default: 1.0) },\n    nodes:", 1),
+    );
+    let base = loaded(&texts).unwrap();
+    let set = |file: &GraphFile, node: &str, param: &str, value: &str| {
+        file.with_param(&format!("--set {node}.{param}"), node, param, value)
+    };
+    let image = |file: Result<GraphFile, Problems>| results(&file.unwrap()).unwrap()["image"];
+    assert_eq!(image(Ok(base.clone())), 23.0);
+    assert_eq!(image(set(&base, "last", "amount", "0.0")), 22.0);
+    assert_eq!(image(set(&base, "part/first", "amount", "2.0")), 26.0);
+    let more = set(&base, "", "much", "5.0").unwrap();
+    assert_eq!(image(Ok(more.clone())), 27.0);
+    assert_eq!(image(set(&more, "part/two", "factor", "1.0")), 23.0);
+    assert_eq!((more.origin, more.name().as_str()), (Origin::Option, "change.ron --set .much"));
+    let told = |file: Result<GraphFile, Problems>| {
+        file.and_then(|file| results(&file)).expect_err("it is broken").to_string()
+    };
+    for (node, param, value, wanted) in [
+        ("last", "a b", "1.0", "--set last.a b: `a b` cannot name a parameter"),
+        ("", "a-b", "1.0", "--set .a-b: `a-b` cannot name a parameter"),
+        ("", "mch", "1.0", "--set .mch: unknown parameter of the graph `mch`, did you mean `much`?"),
+        ("last", "amount", "(", "--set last.amount: "),
+        ("", "much", "1, 2", "--set .much: "),
+        ("lst", "amount", "1.0", "--set lst.amount: unknown node `lst`, did you mean `last`?"),
+        ("last", "amoun", "1.0", "--set last.amoun: node `last`: unknown parameter `amoun`"),
+        ("", "much", "true", "--set .much: "),
+    ] {
+        let text = told(set(&base, node, param, value));
+        assert!(text.starts_with(wanted), "{wanted}\nis not\n{text}");
+    }
+    // The stage refuses it, at the option that gave it, whatever came after.
+    let text = told(set(&set(&base, "", "much", "900.0").unwrap(), "one", "value", "2.0"));
+    assert!(text.starts_with("--set .much: "), "{text}");
+    let text = GraphFile::changed(&base, "--swap last=", "replace: {", &texts).unwrap_err().to_string();
+    assert!(text.starts_with("--swap last=: ") && !text.contains('^'), "{text}");
+}
+
+#[test]
 fn graphs_of_the_program_are_found_by_name_unless_there_is_such_a_file() {
     let mut texts = texts(
         r#"Graph(version: 1, nodes: { "b": (kind: "graph", params: (file: "base")) }, outputs: { "image": "b.image" })"#,
@@ -659,6 +740,9 @@ fn graphs_of_the_program_are_found_by_name_unless_there_is_such_a_file() {
     let file = loaded(&texts).unwrap();
     let base = &file.parts[0].1;
     assert_eq!((base.path.as_str(), base.origin), ("graphs/base.ron", Origin::Shipped));
+    let mut edited = base.clone();
+    edited.set_param("three", "value", "4.0").unwrap();
+    assert_eq!((edited.path.as_str(), edited.origin), ("graphs/base.ron", Origin::Shipped));
     assert_eq!(
         (base.parts[0].1.path.as_str(), base.parts[0].1.origin),
         ("graphs/parts/part.ron", Origin::Shipped)

@@ -12,13 +12,15 @@ const BASE: &str = r#"Graph(
     },
     nodes: {
         "tall": (kind: "number", params: (value: Param("height"))),
-        "turn": (kind: "number", params: (value: Param("way"))),
+        "turn": (kind: "number", bypass: true, params: (value: Param("way"))),
         "three": (kind: "number", params: (value: 3.0)),
         "part": (kind: "graph", params: (file: "part.ron", much: 2.0), set: { "two": (factor: 2.0) },
             inputs: { "x": "three.out", "y": "one.out" }),
         "one": (kind: "number", on: Cpu, download: Latent(1)),
         "row": (kind: "add", repeat: (times: 3, through: { "a": "out" }, count: "level"), inputs: { "a": "one.out" },
             set: { "1": (amount: 5.0) }),
+        "rows": (kind: "add", repeat: (times: 2, through: { "a": "out" }), inputs: { "a": "one.out" },
+            set: { "1": (amount: Param("height")) }),
         "shade": (kind: "wgsl", inputs: { "color": "row.out" }, params: (shader: "shade.wgsl", light: 0.5)),
         "last": (kind: "add", inputs: { "a": "part.result", "b": "part/first.out" }, params: (amount: 1.0)),
     },
@@ -31,6 +33,10 @@ const PART: &str = r#"Graph(
     nodes: {
         "first": (kind: "add", inputs: { "a": "inputs.x" }, params: (amount: Param("much"))),
         "two": (kind: "scale", inputs: { "a": "first.out", "b": "inputs.y" }, params: (factor: 4.0, shift: 1.0)),
+        "steps": (kind: "add", repeat: (times: 2, through: { "a": "out" }, count: "level"), inputs: { "a": "inputs.x" },
+            params: (amount: 3.0), set: { "1": (amount: 4.0) }),
+        "taken": (kind: "add", repeat: (times: 2, through: { "a": "out" }), inputs: { "a": "inputs.x" },
+            set: { "1": (amount: Param("much")) }),
     },
     outputs: { "result": "two.out" },
 )"#;
@@ -73,7 +79,7 @@ fn assert_edit(before: &str, edit: Edit, after: &str) {
 
 #[test]
 fn what_concerns_the_base_is_written_down_as_a_change() {
-    let cases: [(&str, Edit, &str); 30] = [
+    let cases: [(&str, Edit, &str); 39] = [
         ("", |f| f.set_param("last", "amount", "2.0"), "    set: { \"last\": (amount: 2.0) },\n"),
         ("", |f| f.set_param("two", "factor", "5.0"), "    set: { \"part/two\": (factor: 5.0) },\n"),
         ("", |f| f.set_param("part", "much", "5.0"), "    set: { \"part\": (much: 5.0) },\n"),
@@ -183,6 +189,56 @@ fn what_concerns_the_base_is_written_down_as_a_change() {
             |f| f.set_on("row", Some(Side::Cpu)),
             "    replace: { \"row\": (kind: \"add\", set: { \"1\": (amount: 5.0) }, on: Cpu) },\n",
         ),
+        (
+            "",
+            |f| f.set_on("rows", Some(Side::Cpu)),
+            "    replace: { \"rows\": (kind: \"add\", set: { \"1\": (amount: Param(\"height\")) }, on: Cpu) },\n",
+        ),
+        // The number of a copy is not a parameter that it is given.
+        (
+            "",
+            |f| f.set_on("part/steps", Some(Side::Cpu)),
+            "    replace: { \"part/steps\": (kind: \"add\", params: (amount: 3.0), set: { \"1\": (amount: 4.0) }, on: Cpu) \
+             },\n",
+        ),
+        // Of the node as it is in the base.
+        (
+            "    set: { \"last\": (amount: 2.0) },\n",
+            |f| f.set_on("last", Some(Side::Cpu)),
+            "    set: { \"last\": (amount: 2.0) },\n    replace: { \"last\": (kind: \"add\", params: (amount: 1.0), on: Cpu) },\n",
+        ),
+        (
+            "",
+            |f| f.set_on("one", Some(Side::Gpu)),
+            "    replace: { \"one\": (kind: \"number\", on: Gpu, download: Latent(1)) },\n",
+        ),
+        (
+            "",
+            |f| f.set_on("turn", Some(Side::Gpu)),
+            "    replace: { \"turn\": (kind: \"number\", bypass: true, params: (value: Param(\"way\")), on: Gpu) },\n",
+        ),
+        // A part goes with its node.
+        (
+            "    replace: { \"part\": (kind: \"graph\", params: (file: \"deep/part.ron\")) },\n",
+            |f| f.restore_node("part"),
+            "    replace: {},\n",
+        ),
+        (
+            "    nodes: { \"new\": (kind: \"graph\", params: (file: \"deep/part.ron\")) },\n",
+            |f| f.rename_node("new", "other"),
+            "    nodes: { \"other\": (kind: \"graph\", params: (file: \"deep/part.ron\")) },\n",
+        ),
+        (
+            "    nodes: { \"new\": (kind: \"graph\", params: (file: \"deep/part.ron\")) },\n",
+            |f| f.copy_node("new", "other"),
+            "    nodes: { \"new\": (kind: \"graph\", params: (file: \"deep/part.ron\")), \"other\": (kind: \"graph\", params: \
+             (file: \"deep/part.ron\")) },\n",
+        ),
+        (
+            "    nodes: { \"new\": (kind: \"add\") },\n    set: { \"new\": (amount: 1.0), \"last\": (amount: 2.0) },\n",
+            |f| f.remove_node("new"),
+            "    nodes: {},\n    set: { \"last\": (amount: 2.0) },\n",
+        ),
     ];
     for (before, edit, after) in cases {
         assert_edit(before, edit, after);
@@ -241,12 +297,16 @@ fn what_a_change_defines_itself_is_edited_there() {
 
 #[test]
 fn what_a_change_cannot_do_is_refused() {
-    let cases: [(Edit, &str); 17] = [
+    let cases: [(Edit, &str); 18] = [
         (
             |f| f.remove_node("last"),
             "node `last`: it is a node of the base, `deep/base.ron`, and a change cannot remove it; bypass it",
         ),
         (|f| f.remove_node("part/two"), "node `part/two`: it is a node of the base"),
+        (
+            |f| f.set_on("part/taken", Some(Side::Cpu)),
+            "node `part/taken`: its copies take parameters of its part, which have no name outside; edit the part's file",
+        ),
         (
             |f| f.rename_node("last", "first"),
             "it is a node of the base, `deep/base.ron`, and a change cannot give it another name",

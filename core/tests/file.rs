@@ -411,10 +411,12 @@ fn garbage_is_refused_without_a_panic() {
 
 #[test]
 fn countless_problems_are_cut_short() {
-    let twice = "a: 1, ".repeat(20_000);
-    let found = problems(&node(&format!("params: ({twice})")));
-    assert_eq!(found.0.len(), 101);
-    assert_eq!(found.0[100].error.to_string(), "19899 more problems in g.ron");
+    let found = |count: usize| problems(&node(&format!("params: ({})", "a: 1, ".repeat(count + 1))));
+    assert_eq!(found(100).0.len(), 100);
+    for (count, last) in [(101, "1 more problems in g.ron"), (19_999, "19899 more problems in g.ron")] {
+        let found = found(count);
+        assert_eq!((found.0.len(), found.0[100].error.to_string()), (101, last.into()));
+    }
 }
 
 #[test]
@@ -491,6 +493,8 @@ fn parameters_are_removed_with_their_comma_and_line() {
         ("params: (p: 1, b: 2)", "params: (b: 2)"),
         ("params: (a: 1, p: 1, b: 2)", "params: (a: 1, b: 2)"),
         ("params: (a: 1, p: 1)", "params: (a: 1)"),
+        ("params: ( a: 1, p: 1 )", "params: ( a: 1 )"),
+        ("params: ( p: 1 /* one */ )", "params: ( /* one */ )"),
         ("params: (a: 1, p: 1,)", "params: (a: 1,)"),
         ("params: (a: 1, /* p */ p: 1)", "params: (a: 1 /* p */)"),
         ("params: (a: 1, p: 1 /* p */, b: 2)", "params: (a: 1, /* p */ b: 2)"),
