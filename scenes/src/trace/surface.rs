@@ -564,6 +564,7 @@ mod tests {
             ("rough metal", Material::metal("", white, 1.0)),
             ("mix", Material { metallic: 0.5, ..Material::glossy("", white, 0.4, 0.04) }),
             ("mix without a coat", Material { metallic: 0.5, ..Material::glossy("", white, 0.4, 0.0) }),
+            ("rough mix", Material { metallic: 0.5, ..Material::glossy("", white, 1.0, 0.0) }),
             ("mirror", Material::mirror("", white)),
             ("thin air", Material { medium: None, ..Material::glass("", white, 1.0) }),
             ("rough thin air", Material { medium: None, roughness: 0.3, ..Material::glass("", white, 1.0) }),
