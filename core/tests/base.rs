@@ -1028,6 +1028,19 @@ fn flat_names_do_not_meet_those_of_parts() {
 }
 
 #[test]
+fn a_graph_in_full_has_the_wires_that_a_new_node_takes() {
+    for (kind, inputs) in [
+        ("number", ""),
+        ("count", "            inputs: {\n                \"a\": \"part/two.out\",\n            },\n"),
+    ] {
+        let file = loaded(&texts(&change(&format!("replace: {{ \"last\": (kind: \"{kind}\") }}")))).unwrap();
+        let full = file.full(&registry(), Path::new("full.ron")).unwrap();
+        let node = format!("        \"last\": (\n            kind: \"{kind}\",\n{inputs}        ),\n");
+        assert!(full.contains(&node), "{node}\nis not in\n{full}");
+    }
+}
+
+#[test]
 fn a_graph_in_full_reads_well() {
     let file = loaded(&texts(&change(
         r#"replace: { "part/two": (kind: "add", on: Cpu, bypass: true, inputs: { "b": "one.out" }) }"#,

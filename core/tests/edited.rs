@@ -132,6 +132,12 @@ fn a_text_that_does_not_fit_the_stage_is_reported_for_its_file() {
 }
 
 #[test]
+fn whether_there_are_edited_texts_is_shown() {
+    let some = EditedTexts::new(|_| None);
+    assert_eq!(format!("{some:?} {:?}", EditedTexts::default()), "EditedTexts(..) EditedTexts");
+}
+
+#[test]
 fn imports_are_found_without_a_library() {
     let text = "#import a // why\n  #import b\n// #import c\n#ifdef D\n#import d\n#endif\n#import\n";
     assert_eq!(imports(text).collect::<Vec<_>>(), ["a", "b", "d"]);

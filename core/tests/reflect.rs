@@ -961,6 +961,13 @@ fn constants_come_from_rust() {
         @compute @workgroup_size(1) fn main() { let x = is_live(ALL); }";
     compose(asserted).unwrap_or_else(|error| panic!("{error}"));
 
+    let two = Registry::default()
+        .with_module(ShaderModule::new("a.wgsl", ""))
+        .with_module(ShaderModule::new("b.wgsl", ""))
+        .with_constants("b", imported::CONSTANTS);
+    let counts: Vec<usize> = two.library.modules.iter().map(|module| module.constants.len()).collect();
+    assert_eq!(counts, [0, 1]);
+
     // The constants shift no line, and one that the file declares again is told there.
     for (source, expected) in [
         ("#import cloud\nfn f() -> u32 {\n    return ALLE;\n}", "shader test.wgsl: line 3"),

@@ -2,9 +2,9 @@
 //! place. A run that is not watched has the same plan, and shaders without a trace of their checks.
 
 use epigraph_core::{
-    Access, BadValue, CpuContext, Executor, Extent, Facts, Frame, GraphFile, Holds, Host, In, Io, Out,
-    Registry, Rule, RunError, Settings, Shader, ShaderLibrary, ShaderModule, Side, Stage, Wrong, check_stage,
-    choice, compile, compose_shader, item, meanings, params, testing::gpu, texel,
+    Access, BadValue, CpuContext, Executor, Extent, Facts, Frame, GraphError, GraphFile, Holds, Host, In, Io,
+    Out, Registry, Rule, RunError, Settings, Shader, ShaderLibrary, ShaderModule, Side, Stage, Wrong,
+    check_stage, choice, compile, compose_shader, item, meanings, params, testing::gpu, texel,
 };
 use half::f16;
 
@@ -529,10 +529,7 @@ fn with_line(line: &str) -> String {
     )
 }
 
-fn composed(
-    line: &str,
-    defines: &[&'static str],
-) -> Result<epigraph_core::Reflected, epigraph_core::GraphError> {
+fn composed(line: &str, defines: &[&'static str]) -> Result<epigraph_core::Reflected, GraphError> {
     compose_shader(&shader(with_line(line), defines), &ShaderLibrary::default(), Default::default())
 }
 
@@ -591,7 +588,7 @@ impl Stage for Astray {
     type Params = ();
 
     fn declare((): &(), io: &mut Io) -> Self {
-        io.shader(shader(with_line("#check our[i]: true, \"it is\""), &[]));
+        io.shader(shader(with_line("#check out[i]: true, \"so\"\n#check our[i]: true, \"it is\""), &[]));
         let out = io.write::<f32>("out", "Ones.", Extent::Frame(1));
         io.dispatch("main", out);
         Self
@@ -613,7 +610,11 @@ fn a_check_of_what_the_stage_does_not_write_is_refused() {
     let wrong = check_stage(&*graph.nodes[0].stage, &registry.library);
     assert_eq!(wrong.len(), 1, "{wrong:?}");
     let text = wrong[0].to_string();
-    assert!(text.contains("unknown output `our`, did you mean `out`?") && text.contains("line 5"), "{text}");
+    assert!(text.contains("unknown output `our`, did you mean `out`?") && text.contains("line 6"), "{text}");
+    // Of what it becomes, all is marked; each check has its own words.
+    assert!(text.ends_with("in `if !(true) { atomicMin(&watch_checks[64], u32(i)); }`"), "{text}");
+    let GraphError::Shader { place: Some(place), .. } = &wrong[0] else { panic!("{text}") };
+    assert_eq!(place.length, place.text.len());
     let error =
         Executor::new(graph, plan, &settings, &registry, Some(gpu())).err().expect("it cannot be watched");
     assert!(error.to_string().contains("`our`"), "{error}");

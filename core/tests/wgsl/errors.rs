@@ -76,6 +76,12 @@ fn malformed_parameters_are_told() {
         ),
         (
             "= 3 in 1..16 unit pixels",
+            "= A of A, A",
+            "9:18",
+            "`A` is `RADIUS_A` in WGSL, as is another choice",
+        ),
+        (
+            "= 3 in 1..16 unit pixels",
             "= Tnt of Tent, Box",
             "9:10",
             "unknown choice `Tnt`, did you mean `Tent`?",
@@ -295,6 +301,42 @@ fn declarations_that_contradict_each_other_are_told() {
             "expected a whole number from 1",
         ),
         (
+            whole(&[("", READ), ("/// = 4096 elements", IMAGE)], MAIN),
+            "4:7",
+            "`image` is a texture, but this is the length of a list",
+        ),
+        (whole(&[("", READ), ("/// = output, 0 per pixel", LIST), ("", IMAGE)], MAIN), "4:15", ""),
+        (format!("{}@fragment fn paint() {{}}\n", first("")), "9:14", "no draw uses `paint`"),
+        (
+            "/// = kept\n@group(0) @binding(0) var<uniform> params: Params;\nstruct Params { a: f32 }\n"
+                .to_owned()
+                + MAIN,
+            "1:5",
+            "nothing here takes this declaration",
+        ),
+        (
+            "@group(1) @binding(0) var<uniform> params: Params;\nstruct Params { a: f32 }\n".to_owned()
+                + &whole(&[("", IMAGE)], MAIN),
+            "1:36",
+            "`params` is in @group(1); everything is bound in @group(0)",
+        ),
+        (
+            whole(&[("/// = in 0..1", READ), ("", IMAGE)], MAIN),
+            "2:7",
+            "`given` is only read; its values are checked where they are written",
+        ),
+        (first("/// = in 3..1"), "2:7", "the range of `list` is empty; the lower number comes first"),
+        (first("/// = in 0.5..1"), "2:7", "`list` has whole numbers; give whole numbers as the range"),
+        (first("/// = in 0..1.5"), "2:7", "`list` has whole numbers; give whole numbers as the range"),
+        (
+            format!(
+                "struct Pair {{ low: u32, high: f32 }}\n{}",
+                whole(&[("/// = in 0..1", "var<storage, read_write> pairs: array<Pair>"), ("", IMAGE)], MAIN)
+            ),
+            "3:7",
+            "`pairs` has floats and whole numbers; a range is for numbers of one kind",
+        ),
+        (
             "@group(0) @binding(0) var<uniform> params: vec4<f32>;\n".to_owned() + MAIN,
             "1:36",
             "`params` is a uniform struct of f32, u32 and i32 that this file declares",
@@ -309,6 +351,23 @@ fn declarations_that_contradict_each_other_are_told() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+}
+
+#[test]
+fn checks_are_of_what_the_file_writes() {
+    let checked = |port: &str| {
+        let main = MAIN.replace("{", &format!("{{\n#check {port}[0]: true, \"it is\"\n"));
+        whole(&[("", LIST), ("", READ), ("", IMAGE)], &main)
+    };
+    super::made(&checked("list"), USER);
+    assert_problem(&checked("given"), USER, &["user.wgsl:9:1: ", "#check: unknown output `given`"]);
+}
+
+#[test]
+fn members_that_depend_on_their_values_are_refused() {
+    let params = "@group(0) @binding(0) var<uniform> params: Params;\nstruct Params {\n/// = true\na: u32,\n#ifdef A\nb: u32,\n#endif\n}\n";
+    let part = "the members of `params` depend on their values; keep the struct out of #ifdef";
+    assert_problem(&format!("{params}{MAIN}"), USER, &["graph.ron:4:49", part]);
 }
 
 #[test]
@@ -373,6 +432,12 @@ fn an_input_that_may_be_absent_is_declared_and_used_as_such() {
             "`given` is there only without some input; move it out of #ifndef",
         ),
     ];
+    // Only where it is connected.
+    let drawn = format!(
+        "{}#ifdef HAS_GIVEN\n@fragment fn paint() {{}}\n#endif\n",
+        whole(&[("/// = optional", READ), ("", IMAGE)], MAIN)
+    );
+    let cases = cases.into_iter().chain([(drawn, "8:14", "no draw uses `paint`")]);
     for (shader, place, part) in cases {
         let text = unconnected(&shader).err().map(|problems| problems.to_string()).unwrap_or_default();
         let is_told = |line: &str| line.contains(part) && line.contains(&format!("user.wgsl:{place}: "));
@@ -558,6 +623,14 @@ fn a_condition_that_nothing_defines_is_told_at_its_name() {
             &format!("user.wgsl:{line}:12: "),
             "unknown name after #ifdef `NUMBERED`; known: HAS_GIVEN, WATCH\n",
             " ^^^^^^^^",
+        ],
+    );
+    assert_problem(
+        &format!("{}#ifdef LOUD\n#endif\n", whole(&[("", IMAGE)], MAIN)),
+        USER,
+        &[
+            "unknown name after #ifdef `LOUD`; known: WATCH; an optional input or a parameter that is true or false \
+           defines one\n",
         ],
     );
 }

@@ -11,9 +11,9 @@ use std::{
 };
 
 use epigraph_core::{
-    Access, AnyStage, CpuContext, Element, Extent, FieldRef, Format, GraphFile, Io, Lifetime, NodeContext,
-    ParamKind, Pass, Port, PortElement, Problems, Quantity, Registry, Runs, Scalar, ShaderModule, Shape,
-    Stage, Threads, wgsl_kind,
+    Access, AnyStage, CpuContext, EditedTexts, Element, Extent, FieldRef, Format, GraphFile, Io, Lifetime,
+    NodeContext, ParamKind, Pass, Port, PortElement, Problems, Quantity, Registry, Rule, Runs, Scalar,
+    ShaderModule, Shape, Stage, Threads, WgslFile, wgsl_kind,
 };
 
 const GLOW: &str = "
@@ -265,6 +265,101 @@ fn a_port_that_is_called_like_a_meaning_has_it() {
     assert_eq!(meanings, [Some(DEPTH), None]);
 }
 
+/// What a file with this text declares by itself.
+fn file(text: &str) -> Result<WgslFile, Problems> {
+    let text = text.to_owned();
+    let registry = Registry::default()
+        .with::<Ranged>()
+        .with_module(ShaderModule::new("frame.wgsl", epigraph_shaders::text("shared/frame.wgsl")))
+        .with_edited(EditedTexts::new(move |file| (file == "user.wgsl").then(|| text.as_str().into())));
+    WgslFile::load("user.wgsl".as_ref(), &registry)
+}
+
+#[test]
+fn a_file_tells_what_it_declares_and_what_a_node_assumes() {
+    let text = "//! Counts.
+struct Params {
+    /// = 3 in 3..3 unit pixels
+    radius: u32,
+    loud: u32,
+    shift: f32,
+    /// = true
+    up: u32,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+#ifdef HAS_GIVEN
+/// = optional
+@group(0) @binding(1) var<storage, read> given: array<u32>;
+#endif
+@group(0) @binding(2) var<storage, read_write> list: array<u32>;
+@group(0) @binding(3) var image: texture_storage_2d<r32float, write>;
+#ifdef UP
+@compute @workgroup_size(8, 8) fn main() { textureStore(image, vec2(0), vec4(params.shift)); }
+#endif
+@compute @workgroup_size(64) fn count() {
+    list[0] = params.radius + params.loud + params.up;
+#ifdef HAS_GIVEN
+    list[1] = given[0];
+#endif
+}
+";
+    let found = file(text).unwrap_or_else(|problems| panic!("{problems}"));
+    assert_eq!(found.doc, "Counts.");
+    let specs: Vec<_> =
+        found.specs.iter().map(|spec| (&*spec.name, &spec.kind, &*spec.default, &*spec.unit)).collect();
+    assert_eq!(
+        specs,
+        [
+            ("radius", &ParamKind::U32, "3", "pixels"),
+            ("loud", &ParamKind::U32, "0", ""),
+            ("shift", &ParamKind::F32, "0.0", ""),
+            ("up", &ParamKind::Bool, "true", ""),
+        ]
+    );
+    let ports: Vec<_> =
+        found.declaration.ports.iter().map(|port| (&*port.name, port.access, port.optional)).collect();
+    assert_eq!(
+        ports,
+        [("given", Access::Read, true), ("list", Access::Update, false), ("image", Access::Write, false)]
+    );
+    assert!(!found.declaration.needs.atomic64 && found.declaration.passes.len() == 2);
+    let updated = "`list` is updated in place; `= output` would have it written anew.";
+    assert_eq!(
+        found.assumed,
+        [
+            updated,
+            "`image` is as large as the frame.",
+            "`main` has a thread for each element of `image`, the first port that it writes.",
+            "`count` has a thread for each element of `list`, the first port that it writes.",
+        ]
+    );
+    let keys = "var<storage, read_write> list: array<atomic<u64>>";
+    let main = "@compute @workgroup_size(64) fn main() { atomicMin(&list[0], 7lu); }";
+    let found = file(&whole(&[("", "var color: texture_2d<f32>"), ("", keys), ("", IMAGE)], main)).unwrap();
+    assert_eq!(
+        found.assumed,
+        [
+            updated,
+            "`image` is as large as `color`, the first input texture.",
+            "`main` has a thread for each element of `list`, the first port that it writes.",
+            "The device has 64-bit atomics.",
+        ]
+    );
+    // Problems stand in the file.
+    let text = file(&text.replace("3 in 3..3", "3 in 4..3")).unwrap_err().to_string();
+    assert!(text.starts_with("user.wgsl:3:"), "{text}");
+}
+
+#[test]
+fn the_shader_files_of_a_graph_are_those_of_its_nodes_of_this_kind() {
+    let text = r#"Graph(version: 1, nodes: {
+        "mine": (kind: "wgsl", params: (shader: "user.wgsl")),
+        "other": (kind: "ranged", params: (shader: "other.wgsl")),
+    }, outputs: {})"#;
+    let file = GraphFile::parse("deep/graph.ron", text).unwrap();
+    assert_eq!(file.shaders(), [("mine".to_owned(), PathBuf::from("deep/user.wgsl"))]);
+}
+
 /// A shader with these declarations above its bound variables.
 fn whole(lines: &[(&str, &str)], entry: &str) -> String {
     let mut text = String::from("#import frame\n");
@@ -324,6 +419,21 @@ fn roles_are_declared() {
 
     let stage = made(&whole(&[("/// = last frame", READ), ("", IMAGE)], MAIN), USER);
     assert_eq!(stage.declaration().ports[0].access, Access::History);
+}
+
+#[test]
+fn ranges_of_values_are_declared() {
+    for (declaration, rules) in [
+        ("", vec![]),
+        ("/// = any value", vec![Rule::any()]),
+        ("/// = in 0..5", vec![Rule::wholes(0, 5)]),
+        ("/// = in -3..-3", vec![Rule::wholes(-3, -3)]),
+    ] {
+        assert_eq!(*list(declaration).rules, rules, "{declaration}");
+    }
+    let floats = "var<storage, read_write> list: array<vec2<f32>>";
+    let stage = made(&whole(&[("/// = in 0.5..1.5", floats), ("", IMAGE)], MAIN), USER);
+    assert_eq!(*stage.declaration().ports[0].rules, [Rule::floats(0.5, 1.5)]);
 }
 
 #[test]
