@@ -93,12 +93,14 @@ impl Stage for Draw {
     fn declare((): &(), io: &mut Io) -> Self {
         let source = "
 @group(0) @binding(0) var<storage, read> list: array<vec2<f32>>;
+@group(0) @binding(1) var<storage, read> groups: array<u32>;
 @vertex fn place(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    return vec4(list[index], 0.5, 1.0);
+    return vec4(list[index], 0.5, f32(arrayLength(&groups)));
 }
-@fragment fn paint() -> @location(0) vec4<f32> { return vec4(f32(arrayLength(&list))); }";
+@fragment fn paint() -> @location(0) vec4<f32> { return vec4(f32(arrayLength(&list) + groups[0])); }";
         io.shader(Shader::new("draw.wgsl", source));
         let list: In<[f32; 2]> = io.read("list", "places", Extent::Any);
+        io.read::<u32>("groups", "numbers of workgroups", Extent::Any);
         let drawn = io.write::<texel::Rgba16Float>("drawn", "points", Extent::Frame(1));
         io.pass(Pass::Draw {
             vertex: "place".into(),
@@ -138,7 +140,7 @@ Graph(version: 1, nodes: {
     "given": (kind: "given", on: Cpu),
     "paint": (kind: "paint", inputs: { "groups": "given.groups" }),
     "mix": (kind: "mix", inputs: { "color": "paint.color", "before": "mix.mixed" }),
-    "draw": (kind: "draw", inputs: { "list": "given.list" }),
+    "draw": (kind: "draw", inputs: { "groups": "given.groups", "list": "given.list" }),
     "shown": (kind: "shown", on: Cpu, inputs: { "mixed": "mix.mixed" }),
 }, outputs: { "out": "shown.out", "drawn": "draw.drawn" })"#;
 
@@ -161,7 +163,7 @@ fn a_frame_asks_for_what_was_counted_by_hand() {
     let of = |name: &str| steps.iter().find(|(step, _)| step == name).unwrap_or_else(|| panic!("{text}")).1;
     let none = Work::default();
     assert_eq!((of("given"), of("shown")), (none, none));
-    // 3 u32 that were last read by a dispatch, and 5 vectors that were last read by a draw.
+    // 3 u32 and 5 vectors, which were last read by a draw.
     assert_eq!(of("upload given.groups"), Work { barriers: 1, written: 12, ..none });
     assert_eq!(of("upload given.list"), Work { barriers: 1, written: 40, ..none });
     // `main` reads the numbers, which have been copied, and writes the texture, which `add` read in the frame before.
@@ -173,11 +175,12 @@ fn a_frame_asks_for_what_was_counted_by_hand() {
     let mix = Work { dispatches: 3, draws: 0, barriers: 1 + 3 + 2, read: 128 + 128 + 8 + 8, ..none };
     assert_eq!(of("mix"), Work { written: 8 + 8 + 128, atomics: 3, ..mix });
     assert_eq!(of("download mix.mixed"), Work { barriers: 1, read: 128, ..none });
-    // The list that has been copied; the target and the depth, which the draw of the frame before has written.
-    assert_eq!(of("draw"), Work { draws: 1, barriers: 3, read: 40, written: 32 * 8, ..none });
+    // The list that has been copied; the target and the depth, which the draw of the frame before has written. The vertices
+    // read the list, and the fragments the numbers; each takes only the length of the other.
+    assert_eq!(of("draw"), Work { draws: 1, barriers: 3, read: 40 + 12, written: 32 * 8, ..none });
 
     let frame: Work = steps.iter().map(|(_, work)| *work).sum();
-    let totals = [12 + 272 + 128 + 40, 12 + 40 + 256 + 144 + 256];
+    let totals = [12 + 272 + 128 + 52, 12 + 40 + 256 + 144 + 256];
     assert_eq!([frame.read, frame.written], totals);
     assert_eq!((frame.dispatches, frame.draws, frame.barriers, frame.atomics), (5, 1, 16, 3));
     let last =
@@ -185,7 +188,7 @@ fn a_frame_asks_for_what_was_counted_by_hand() {
     // 6 passes; bytes by 32 pixels.
     assert_eq!(
         last.split_whitespace().collect::<Vec<_>>(),
-        ["frame", "6", "16", "14.1", "22.1", "3"],
+        ["frame", "6", "16", "14.5", "22.1", "3"],
         "{text}"
     );
 }
