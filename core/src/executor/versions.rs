@@ -358,4 +358,38 @@ mod tests {
             assert!(versions.transfer(&plan, Value::now(sum), Side::Gpu));
         }
     }
+
+    stage!(Keep, "keep", |io| {
+        io.persistent::<u32>("one", "numbers", Extent::Frame(1));
+        io.persistent::<u32>("other", "numbers", Extent::Frame(1));
+    });
+    stage!(Take, "take", |io| {
+        io.read::<u32>("one", "numbers", Extent::Frame(1));
+        io.read::<u32>("other", "numbers", Extent::Frame(1));
+        io.write::<u32>("out", "numbers", Extent::Frame(1));
+    });
+
+    #[test]
+    fn elements_that_changed_are_those_of_the_field_that_is_named() {
+        let registry = Registry::default().with::<Keep>().with::<Take>();
+        let text = r#"Graph(version: 1, nodes: {
+            "keep": (kind: "keep"),
+            "take": (kind: "take", inputs: { "one": "keep.one", "other": "keep.other" }),
+        }, outputs: { "image": "take.out" })"#;
+        let file = GraphFile::parse("test.ron", text).unwrap();
+        let (_, plan) = compile(&file, &registry, &Settings::new([4, 4], 0, Facts::none())).unwrap();
+        let mut versions = Versions::new(&plan);
+        let keep = plan.nodes.position(|node| node.name == "keep").unwrap();
+        let [one, other] = [0, 1].map(|at| plan.nodes[keep].first_writes[at]);
+        versions.begin(&Frame::default(), 0);
+        versions.ran(&plan, keep, &Changes::default(), Due::Run);
+        for storage in [one, other] {
+            versions.transfer(&plan, Value::now(storage), Side::Gpu);
+        }
+        // Then some of `one` change, and all of `other`.
+        let changes = Changes { ranges: vec![(FieldRef { port: 0, field: 0 }, 3..5)], ..Changes::default() };
+        versions.ran(&plan, keep, &changes, Due::Run);
+        assert!(versions.differing(one).eq(std::iter::once(3..5)));
+        assert_eq!(versions.differing(other).count(), 0);
+    }
 }
