@@ -199,27 +199,18 @@ fn main() -> Result<(), Box<dyn Error>> {
         let all = here.len();
         shuffle(&mut here, &mut random);
         here.truncate(args.sample.unwrap_or(all));
-        let next = AtomicUsize::new(0);
         let done: Mutex<Vec<(&Mutant, run::Verdict)>> = Mutex::default();
-        // Two at a time: much of a test runs on one thread.
-        let work = |worker: usize| -> Result<(), String> {
-            while let Some(mutant) = here.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let text = (mutant.id as usize).checked_sub(first_shader).map(|index| &*shaders[index]);
-                let verdict =
-                    tests.try_mutant(worker, name, mutant, text).map_err(|error| error.to_string())?;
-                let mut done = done.lock().expect("no worker panics");
-                done.push((mutant, verdict));
-                let Mutant { file, line, change, .. } = mutant;
-                eprintln!("{name} {}/{}: {verdict:?} {file}:{line}: {change}", done.len(), here.len());
-                if let Some(out) = &args.out {
-                    append(out, name, mutant, verdict).map_err(|error| error.to_string())?;
-                }
+        two_at_a_time(&here, |worker, &mutant| {
+            let text = (mutant.id as usize).checked_sub(first_shader).map(|index| &*shaders[index]);
+            let verdict = tests.try_mutant(worker, name, mutant, text).map_err(|error| error.to_string())?;
+            let mut done = done.lock().expect("no worker panics");
+            done.push((mutant, verdict));
+            let Mutant { file, line, change, .. } = mutant;
+            eprintln!("{name} {}/{}: {verdict:?} {file}:{line}: {change}", done.len(), here.len());
+            match &args.out {
+                Some(out) => append(out, name, mutant, verdict).map_err(|error| error.to_string()),
+                None => Ok(()),
             }
-            Ok(())
-        };
-        thread::scope(|scope| {
-            let workers = [0, 1].map(|worker| scope.spawn(move || work(worker)));
-            workers.into_iter().try_for_each(|worker| worker.join().expect("no worker panics"))
         })?;
         let done = done.into_inner().expect("no worker panics");
         let count = |verdict| done.iter().filter(|(_, found)| *found == verdict).count();
@@ -235,6 +226,24 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     print!("{report}");
     Ok(())
+}
+
+/// Does the work for each item, by two workers with numbers 0 and 1: much of a test runs on one thread.
+fn two_at_a_time<T: Sync>(
+    items: &[T],
+    work: impl Fn(usize, &T) -> Result<(), String> + Sync,
+) -> Result<(), String> {
+    let next = AtomicUsize::new(0);
+    let each = &|worker: usize| {
+        while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+            work(worker, item)?;
+        }
+        Ok(())
+    };
+    thread::scope(|scope| {
+        let workers = [0, 1].map(|worker| scope.spawn(move || each(worker)));
+        workers.into_iter().try_for_each(|worker| worker.join().expect("no worker panics"))
+    })
 }
 
 /// The files under a folder, by Git.

@@ -7,17 +7,14 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
-    sync::{
-        Mutex,
-        atomic::{AtomicUsize, Ordering},
-    },
+    sync::Mutex,
     thread,
     time::{Duration, Instant},
 };
 
 use serde_json::Value;
 
-use crate::{MUTATED, Mutant, cargo};
+use crate::{MUTATED, Mutant, cargo, two_at_a_time};
 
 /// What the tests make of a mutant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +45,8 @@ const TOGETHER: Duration = Duration::from_secs(2);
 struct Program {
     path: PathBuf,
     folder: PathBuf,
+    /// Whether its tests are those of modules.
+    of_modules: bool,
     tests: Vec<Test>,
 }
 
@@ -56,12 +55,13 @@ struct Test {
     name: String,
     /// The parts whose mutants it may notice; none if that is any part's.
     parts: &'static [&'static str],
-    /// Whether it is a test of a module.
-    is_of_module: bool,
     took: Duration,
     /// The mutants of Rust code that it reaches, by number, and the files of the shaders that it loads.
     reached: HashSet<String>,
 }
+
+/// [`Test::took`] and [`Test::reached`].
+type Reach = (Duration, HashSet<String>);
 
 /// Tests of a program that run together.
 struct Batch<'t> {
@@ -134,13 +134,13 @@ impl Tests {
                 concerns.then(|| Test {
                     name: test.to_owned(),
                     parts,
-                    is_of_module: name.starts_with("epigraph"),
                     took: Duration::from_secs(600),
                     reached: HashSet::new(),
                 })
             });
             let tests = tests.collect();
-            programs.push(Program { path: path.into(), folder, tests });
+            let of_modules = name.starts_with("epigraph");
+            programs.push(Program { path: path.into(), folder, of_modules, tests });
         }
         let mut tests = Self { programs, quick, place: place.to_owned() };
         tests.record()?;
@@ -152,17 +152,11 @@ impl Tests {
         let each: Vec<(usize, usize)> = (0..self.programs.len())
             .flat_map(|program| (0..self.programs[program].tests.len()).map(move |test| (program, test)))
             .collect();
-        let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-        let work = |worker: usize| -> Result<(), String> {
-            while let Some(&(program, test)) = each.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let result = self.reach(worker, program, test).map_err(|error| error.to_string())?;
-                found.lock().expect("no worker panics").push((program, test, result));
-            }
+        let found = Mutex::new(Vec::new());
+        two_at_a_time(&each, |worker, &(program, test)| {
+            let result = self.reach(worker, program, test).map_err(|error| error.to_string())?;
+            found.lock().expect("no worker panics").push((program, test, result));
             Ok(())
-        };
-        thread::scope(|scope| {
-            let workers = [0, 1].map(|worker| scope.spawn(move || work(worker)));
-            workers.into_iter().try_for_each(|worker| worker.join().expect("no worker panics"))
         })?;
         for (program, test, result) in found.into_inner().expect("no worker panics") {
             let test = &mut self.programs[program].tests[test];
@@ -186,12 +180,7 @@ impl Tests {
     }
 
     /// How long a test takes without a mutant, and what it reaches; none if it fails.
-    fn reach(
-        &self,
-        worker: usize,
-        program: usize,
-        test: usize,
-    ) -> Result<Option<(Duration, HashSet<String>)>, Box<dyn Error>> {
+    fn reach(&self, worker: usize, program: usize, test: usize) -> Result<Option<Reach>, Box<dyn Error>> {
         let program = &self.programs[program];
         let test = &program.tests[test];
         let file = self.text(worker).with_extension("reached");
@@ -234,7 +223,7 @@ impl Tests {
         let mut batches: Vec<(bool, Batch)> = Vec::new();
         for program in &self.programs {
             for own in [true, false] {
-                let is_own = |test: &&Test| (test.is_of_module && test.name.starts_with(&module)) == own;
+                let is_own = |test: &&Test| (program.of_modules && test.name.starts_with(&module)) == own;
                 for test in program.tests.iter().filter(concerns).filter(is_own) {
                     match batches.last_mut() {
                         Some((of, batch))
