@@ -421,7 +421,7 @@ impl SceneBuilder {
         let Moving { motion, triangles, lights, .. } = moving;
         let faces = faces_of(triangles, kept);
         let named = || mesh.triangles[faces.clone()].iter().flatten().map(|&vertex| vertex as usize);
-        let first = named().min().unwrap_or_default();
+        let first = named().min().unwrap_or(0);
         let vertices = first..named().max().map_or(first, |last| last + 1);
         let edge = |vertex: usize| mesh.edges.partition_point(|edge| (edge.vertices[0] as usize) < vertex);
         let rest = Rest {

@@ -154,9 +154,9 @@ impl Surfaces {
             .map(|[point, normal]| {
                 let arriving = |&[from, axis]: &[Vec3; 2]| {
                     let (direction, distance) = (from - point).normalize_and_length();
-                    // Half of the emissive surface is seen from its back; twice the other half makes up for it. What is
-                    // at the same place makes no number, which the median leaves aside.
-                    power * axis.dot(direction).abs() * normal.dot(direction).abs() / (distance * distance)
+                    // Half of the emissive surface is seen from its back; twice the other half makes up for it.
+                    let cosines = axis.dot(direction).abs() * normal.dot(direction).abs();
+                    if distance > 0.0 { power * cosines / (distance * distance) } else { 0.0 }
                 };
                 0.5 * std::f32::consts::FRAC_1_PI * emitters.iter().map(arriving).sum::<f32>()
             })

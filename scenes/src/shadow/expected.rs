@@ -26,8 +26,7 @@ pub(crate) fn expected_segments(scene: &Scene) -> usize {
     let ends = |edge: &crate::Edge| edge.vertices.map(|vertex| mesh.positions[vertex as usize]);
     let edges = || (0..mesh.edges.len()).filter(counts).map(|index| &mesh.edges[index]);
     let lengths = edges().map(|edge| length(ends(edge)));
-    // Without edges no number, of which `max` takes the other.
-    let mean = (lengths.sum::<f64>() / edges().count() as f64).max(f64::MIN_POSITIVE);
+    let mean = (lengths.sum::<f64>() / edges().count().max(1) as f64).max(f64::MIN_POSITIVE);
     let [low, high] = scene.bounds;
     let diagonal = length(scene.bounds);
     let mut expected = 0.0;

@@ -355,7 +355,7 @@ impl Emitters {
         if self.count() == 1 {
             return 1.0;
         }
-        let bound = self.bounds(from, facing).nth(choice).unwrap_or_default();
+        let bound = self.bounds(from, facing).nth(choice).unwrap_or(0.0);
         self.odds(from, facing).of(bound)
     }
 
