@@ -332,17 +332,11 @@ impl Image<'_> {
     fn mean_around(&self, pyramid: &Pyramid, hole: usize) -> [f32; 4] {
         let (x, y) = (hole % self.width, hole / self.width);
         for reach in SQUARES {
-            let mut sum = [0.0; 4];
-            for y in y.saturating_sub(reach)..(y + reach + 1).min(self.height) {
-                for x in x.saturating_sub(reach)..(x + reach + 1).min(self.width) {
-                    let color = self.color[y * self.width + x];
-                    if color[3] > 0.0 {
-                        add(&mut sum, color);
-                    }
-                }
-            }
-            if sum[3] > 0.0 {
-                return over(sum);
+            let columns = x.saturating_sub(reach)..(x + reach + 1).min(self.width);
+            let rows = y.saturating_sub(reach)..(y + reach + 1).min(self.height);
+            let found = mean(rows.flat_map(|y| &self.color[y * self.width..][columns.clone()]).copied());
+            if found[3] > 0.0 {
+                return found;
             }
         }
         over(pyramid.smallest(x / TILE, y / TILE))
