@@ -541,7 +541,7 @@ pub struct Port {
 
 impl Port {
     /// Its number of elements where the stage runs on this side.
-    pub fn extent_on(&self, side: Side) -> &Extent {
+    pub(crate) fn extent_on(&self, side: Side) -> &Extent {
         self.extent_on_cpu.as_ref().filter(|_| side == Side::Cpu).unwrap_or(&self.extent)
     }
 

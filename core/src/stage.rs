@@ -239,7 +239,7 @@ impl<'a> Io<'a> {
     }
 
     /// Gives a scratch port another number of elements where the stage runs on the CPU, whose twin uses that memory in
-    /// another way.
+    /// another way or not at all.
     pub fn extent_on_cpu(&mut self, port: impl Into<FieldRef>, extent: Extent) {
         self.declared.ports[port.into().port as usize].extent_on_cpu = Some(extent);
     }

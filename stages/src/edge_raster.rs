@@ -254,7 +254,9 @@ impl Stage for EdgeRaster {
         match params.method {
             Method::Compute => {
                 let (long, long_count) = (Extent::Fixed([LONG_SEGMENTS, 1]), Extent::Fixed([1, 1]));
-                io.write::<Snapped>("long", scratch("Segments with many crossings."), long);
+                let segments = io.write::<Snapped>("long", scratch("Segments with many crossings."), long);
+                // The twin draws them with the others.
+                io.extent_on_cpu(segments, Extent::Fixed([1, 1]));
                 io.write::<u32>("long_count", scratch("The number of these segments."), long_count);
                 lists.for_each(|list| io.dispatch(list.names.draw, list.segments));
                 io.compute("draw_long", Threads::Groups(LONG_GROUPS));

@@ -78,9 +78,9 @@ fn the_cpu_holds_little_more_than_what_lives_at_once() {
         let least = (0..plan.steps.len()).map(held).max().unwrap_or(0);
         let bytes = plan.bytes(Side::Cpu);
         println!("{name}: {bytes} bytes, {least} at once");
-        // Slots of other sizes and times do not always fit without a remainder: at most 1.154, in `experiments/atrous`.
+        // Slots of other sizes and times do not always fit without a remainder.
         assert!(
-            least <= bytes && bytes as f64 <= 1.16 * least as f64,
+            least <= bytes && bytes as f64 <= 1.15 * least as f64,
             "{name}: {bytes} bytes, {least} at once"
         );
     }
