@@ -492,6 +492,7 @@ mod tests {
         assert_eq!(told("abc", &["xyz", "abd", "abe"]), "unknown port `abc`, did you mean `abd`?");
         let long = "n".repeat(257);
         assert!(told(&long[1..], &[&long[2..], &long]).ends_with(&format!("did you mean `{}`?", &long[2..])));
+        assert!(told(&long[2..], &[&long[1..]]).contains("did you mean"));
         assert!(told(&long[1..], &[&long]).contains("; known: nnn"), "a known one is too long");
         assert!(told(&long, &[&long[1..]]).contains("; known: nnn"), "it is too long itself");
     }
@@ -544,6 +545,10 @@ mod tests {
         assert_eq!(shown(4, 6), "f:1:5: no\n   |\n 1 | \tab\tcd\n   | \t  \t^^");
         assert_eq!(shown(6, 6), "f:1:7: no\n   |\n 1 | \tab\tcd\n   | \t  \t  ^");
         assert_eq!(problem.clone().at(Place::file("f")).node("n").to_string(), "f: node `n`: no");
+        // Of a longer place, what the line shows of it is marked.
+        let longer = |start| Place { length: 9, ..Place::of("f", "abc", Span { start, end: 3 }) };
+        let marks = |start| problem.clone().at(longer(start)).to_string().matches('^').count();
+        assert_eq!([0, 1, 2, 3].map(marks), [3, 2, 1, 1]);
     }
 
     #[test]

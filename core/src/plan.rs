@@ -248,7 +248,7 @@ impl Plan {
     pub fn new(graph: &Graph, settings: &Settings) -> Result<Self, Problems> {
         let order = order(graph)?;
         let (mut storages, bindings) = storages(graph);
-        let mut nodes = nodes(graph, bindings, &storages);
+        let mut nodes = nodes(graph, bindings);
         if settings.prune {
             rest::rest(graph, &order, &mut nodes, &mut storages);
         } else {
@@ -605,7 +605,7 @@ fn storages(graph: &Graph) -> (Storages, IndexVec<NodeId, Bindings>) {
 }
 
 /// The nodes with the values they read and write.
-fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &Storages) -> Nodes {
+fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>) -> Nodes {
     let plan_node = |(bindings, node): (Bindings, &Node)| {
         let declaration = node.declaration();
         let of_ports = |wanted: &dyn Fn(&Port) -> bool| -> Vec<StorageId> {
@@ -615,11 +615,7 @@ fn nodes(graph: &Graph, bindings: IndexVec<NodeId, Bindings>, storages: &Storage
         let kept = |port: &Port| port.lifetime == Lifetime::Persistent && declaration.runs != Runs::PerView;
         let first_writes = of_ports(&|port| port.access == Access::Write);
         let updates = of_ports(&|port| port.access == Access::Update);
-        let mut written_anew = of_ports(&|port| port.access == Access::Write && !kept(port));
-        let with_history = |storage: &&StorageId| storages[**storage].life == Life::History;
-        written_anew.extend(first_writes.iter().filter(with_history));
-        written_anew.sort_unstable();
-        written_anew.dedup();
+        let written_anew = of_ports(&|port| port.access == Access::Write && !kept(port));
         let (name, kind, side) = (node.name.clone(), node.kind.clone(), node.side);
         let (column, runs) = (declaration.column, declaration.runs.clone());
         let wakes = Vec::new();
@@ -655,8 +651,7 @@ fn taps(graph: &Graph, nodes: &Nodes) -> Taps {
 type Valid = IndexVec<StorageId, PerSide<bool>>;
 
 /// The nodes in order, with transfers to a side that lacks its inputs. A persistent storage begins a frame valid on the
-/// sides where the last frame left it valid, so the walk is done three times: the first two find out which sides those
-/// are.
+/// sides where the last frame left it valid, so the walk is done twice: the first finds out which sides those are.
 fn steps(
     graph: &Graph,
     order: &[NodeId],
@@ -666,7 +661,7 @@ fn steps(
 ) -> IndexVec<StepId, Step> {
     let mut end: Valid = storages.iter().map(|_| PerSide::new(|_| true)).collect();
     let mut steps = IndexVec::new();
-    for _ in 0..3 {
+    for _ in 0..2 {
         let mut now: Valid = storages
             .iter()
             .zip(&end)

@@ -291,6 +291,9 @@ mod tests {
         let only = |element, rule| numbers_of(element, &[rule]).remove(0);
         let id = only(u32::element(), Rule::index_of("points").or(u32::MAX));
         assert_eq!([0, 9, 10, u32::MAX].map(|bits| id.holds(bits)), [true, true, false, true]);
+        // All bits count, the first, too.
+        assert!(!id.holds(1 << 31 | 5));
+        assert_eq!(id.text(10), "10");
         assert_eq!(id.allowed, "the indices of 10 points, and 0xFFFFFFFF");
         let count = only(u32::element(), Rule::count_of("points"));
         assert_eq!([10, 11].map(|value| count.holds(value)), [true, false]);
@@ -348,6 +351,13 @@ mod tests {
         let members = vec![member("first", Scalar::U32, 0), member("last", Scalar::I32, 12)];
         let holed = Element::Item { name: "Holed".into(), stride: 16, members: members.into() };
         assert_eq!(text(&holed, &[7, 8, 9, -3i32 as u32]), "7, -3");
+    }
+
+    #[test]
+    fn bytes_of_texels_are_read_as_shares_of_255() {
+        let element = texel::Rgba8Unorm::element();
+        let words: Vec<u32> = (0..words(&element)).map(|at| word(&element, &[0, 51, 102, 255], at)).collect();
+        assert_eq!(text(&element, &words), "0.0, 0.2, 0.4, 1.0");
     }
 
     #[test]

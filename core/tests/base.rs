@@ -456,6 +456,32 @@ fn repeated_nodes_are_swapped_in_all_copies() {
     assert!(text.contains("`1` is one of a node's copies"), "{text}");
 }
 
+#[test]
+fn a_new_wire_into_a_repeated_part_is_no_link_of_its_chain() {
+    let mut texts = texts("");
+    let part = r#"Graph(version: 1, nodes: {
+        "sum": (kind: "add", inputs: { "a": "inputs.a" }),
+        "twice": (kind: "add", inputs: { "a": "sum.out" }, params: (amount: 0.0)),
+    }, outputs: { "out": "twice.out" })"#;
+    let base = r#"Graph(version: 1, nodes: {
+        "three": (kind: "number", params: (value: 3.0)),
+        "row": (kind: "graph", params: (file: "part.ron"), repeat: (times: 3, through: { "a": "out" }),
+            inputs: { "a": "three.out" }),
+    }, outputs: { "image": "row.out" })"#;
+    texts.files.extend([("part.ron", part.to_owned()), ("base.ron", base.to_owned())]);
+    // Each copy adds 2, and 3 for each new wire, though the first copy's `a` comes from there, too.
+    for (rewire, expected) in [
+        ("", 9.0),
+        (r#""row/sum.b": "three.out""#, 18.0),
+        (r#""row/sum.b": "three.out", "row/twice.b": "three.out""#, 27.0),
+    ] {
+        texts
+            .files
+            .insert("change.ron", format!("Graph(version: 1, base: \"base.ron\", rewire: {{ {rewire} }})"));
+        assert_eq!(results(&loaded(&texts).unwrap()).unwrap()["image"], expected, "{rewire}");
+    }
+}
+
 /// What is reported of a graph with these changes.
 #[track_caller]
 fn refused(texts: &Texts) -> String {

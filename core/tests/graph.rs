@@ -111,6 +111,10 @@ stage!(Shadow, "shadow", |io| {
     io.optional::<f32>("in", "may be missing", Extent::Any);
     io.write::<f32>("out", "as many", Extent::Like("in".into()));
 });
+stage!(Tell, "tell", |io| {
+    io.read::<u32>("in", "numbers", Extent::Any);
+    io.write::<f32>("out", "numbers", Extent::Frame(1));
+});
 stage!(Helper, "helper", |io| {
     if io.optional::<u32>("hint", "may be missing", Extent::Any).is_some() {
         io.write::<u32>("work", scratch("only with a hint"), Extent::Frame(4));
@@ -271,6 +275,7 @@ fn registry() -> Registry {
         .with::<Moving>()
         .with::<Guess>()
         .with::<Maybe>()
+        .with::<Tell>()
         .with::<Helper>()
         .with::<Shadow>()
         .with::<Cloud>()
@@ -434,6 +439,16 @@ fn ports_are_found_by_name_when_a_stage_has_fewer_of_them() {
         let reader = graph.nodes.iter().find(|node| node.name == "reader").unwrap();
         let sources: Vec<_> = reader.sources.iter().flatten().map(|&source| graph.name(source)).collect();
         assert_eq!(sources, ["first.out"]);
+        let read = format!("{nodes} \"tell\": (kind: \"tell\", inputs: {{ \"in\": \"first.work\" }}),");
+        let lost = "does not exist now: nothing is connected to `hint`, since its source is left out";
+        match compile(&file(&read, "tell.out"), &registry(), &settings) {
+            Ok((graph, _)) => assert!(moves && graph.nodes.len() == 3),
+            Err(problems) => {
+                assert!(!moves && problems.0.len() == 1, "{problems}");
+                assert_eq!(problems.0[0].node.as_deref(), Some("tell"));
+                assert!(problems.to_string().contains(&format!("`first.work` {lost}")), "{problems}");
+            }
+        }
         for port in ["first.work", "second.work"] {
             settings.taps = vec![port.parse().unwrap()];
             let found = compile(&file(nodes, "second.out"), &registry(), &settings);
@@ -442,7 +457,6 @@ fn ports_are_found_by_name_when_a_stage_has_fewer_of_them() {
                 assert_eq!(graph.name(graph.taps[0].1), port);
             } else {
                 let text = found.err().expect("not while the camera rests").to_string();
-                let lost = "does not exist now: nothing is connected to `hint`, since its source is left out";
                 assert!(text.contains(&format!("`{port}` {lost}")), "{text}");
             }
         }

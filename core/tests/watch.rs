@@ -313,6 +313,9 @@ impl Stage for Listing {
 
     fn cpu(&self, params: &PlaceParams, cx: &CpuContext) -> Result<(), String> {
         cx.write(self.place)[0] = params.place;
+        if let Some(checks) = cx.checks(self.place) {
+            checks.that(1, params.place != 99, "the second place, which is not there, is sound");
+        }
         Ok(())
     }
 }
@@ -430,6 +433,37 @@ fn the_first_bad_value_is_named_on_both_sides() {
 }
 
 #[test]
+fn of_several_nodes_with_checks_each_has_its_own() {
+    let node = |name: &str, frame: u32| {
+        format!(
+            r#""{name}": (kind: "spoil", inputs: {{ "base": "base.zero" }},
+                params: (spot: Mark, element: 2, word: 3, bits: 6, frame: {frame})),"#
+        )
+    };
+    for side in Side::ALL {
+        for bad in 0..3 {
+            let names = ["first", "second", "third"];
+            let nodes: String = names
+                .iter()
+                .enumerate()
+                .map(|(at, name)| node(name, if at == bad { 2 } else { 9 }))
+                .collect();
+            let text = format!(
+                r#"#![enable(implicit_some)]
+                Graph(version: 1, nodes: {{ "base": (kind: "base"), {nodes} }},
+                    outputs: {{ "image": "first.depth", "b": "second.depth", "c": "third.depth" }})"#
+            );
+            let found = found(&GraphFile::parse("spoil.ron", &text).unwrap(), side);
+            assert_eq!(
+                (&*found.node, &*found.port),
+                (names[bad], &*format!("{}.marks", names[bad])),
+                "{side}"
+            );
+        }
+    }
+}
+
+#[test]
 fn what_ports_may_hold_is_not_reported() {
     let bits = f32::to_bits;
     for (spot, element, word, bits) in [
@@ -468,13 +502,16 @@ fn an_index_is_compared_with_the_nearest_list_of_its_node_or_of_what_that_reads(
         );
         let file = GraphFile::parse("places.ron", &text).unwrap();
         match run(&mut executor(&file, &settings(Side::Cpu, true)), 0) {
-            Err(RunError::Watch(bad)) => Some(bad.port),
+            Err(RunError::Watch(bad)) => Some((bad.port, bad.element, bad.value)),
             found => found.map(|()| None).unwrap(),
         }
     };
+    let at = |port: &str, element, value: &str| Some((port.to_owned(), element, value.to_owned()));
     assert_eq!(bad(2, 2), None);
-    assert_eq!(bad(3, 0).as_deref(), Some("listing.place"));
-    assert_eq!(bad(0, 3).as_deref(), Some("picking.place"));
+    assert_eq!(bad(3, 0), at("listing.place", 0, "3"));
+    assert_eq!(bad(0, 3), at("picking.place", 0, "3"));
+    // A check of an element that does not exist has no numbers to show.
+    assert_eq!(bad(99, 0), at("listing.place", 1, "missing: there are 1"));
 }
 
 #[test]

@@ -183,6 +183,10 @@ fn a_frame_asks_for_what_was_counted_by_hand() {
     let totals = [12 + 272 + 128 + 52, 12 + 40 + 256 + 144 + 256];
     assert_eq!([frame.read, frame.written], totals);
     assert_eq!((frame.dispatches, frame.draws, frame.barriers, frame.atomics), (5, 1, 16, 3));
+    // Nothing is blank; one is one.
+    let of_draw = text.lines().find(|line| line.contains("draw")).unwrap_or_else(|| panic!("{text}"));
+    let numbers: Vec<_> = of_draw.split_whitespace().rev().take(4).collect();
+    assert_eq!(numbers, ["8.0", "1.6", "3", "1"], "{text}");
     let last =
         text.lines().find(|line| line.trim_start().starts_with("frame")).unwrap_or_else(|| panic!("{text}"));
     // 6 passes; bytes by 32 pixels.

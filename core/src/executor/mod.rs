@@ -490,7 +490,6 @@ impl Executor {
                 let slot = self.plan.slot(Value::now(storage), Side::Cpu, parity);
                 let bytes = state.snapshot.bytes.len();
                 state.snapshot.bytes.copy_from_slice(&self.cpu[slot].borrow().bytes()[..bytes]);
-                state.taken = true;
             }
             Some(ring) => {
                 let gpu = self.gpu.as_mut().expect("made where a node needs it");

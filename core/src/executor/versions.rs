@@ -359,6 +359,48 @@ mod tests {
         }
     }
 
+    stage!(Grow, "grow", |io| {
+        let list = io.update::<u32>("list", "changed in place", Extent::Any);
+        io.per_change([list.into()]);
+    });
+    stage!(Add, "add", |io| {
+        io.update::<u32>("list", "changed in place", Extent::Any);
+        io.per_budget();
+    });
+
+    #[test]
+    fn what_a_node_left_itself_is_no_change() {
+        let registry = Registry::default().with::<Keep>().with::<Grow>().with::<Add>();
+        let text = r#"Graph(version: 1, nodes: {
+            "keep": (kind: "keep"),
+            "add": (kind: "add", inputs: { "list": "keep.one" }),
+            "grow": (kind: "grow", inputs: { "list": "add.list" }),
+        }, outputs: { "image": "grow.list" })"#;
+        let file = GraphFile::parse("test.ron", text).unwrap();
+        let (_, plan) = compile(&file, &registry, &Settings::new([4, 4], 0, Facts::none())).unwrap();
+        let mut versions = Versions::new(&plan);
+        let [add, grow] = ["add", "grow"].map(|name| plan.nodes.position(|node| node.name == name).unwrap());
+        // `add` changes the list while there are samples, and in the first frame without.
+        for (index, samples, expected) in [
+            (0, 1, true),
+            (1, 1, true),
+            (2, 0, true),
+            (3, 0, false),
+            (4, 0, false),
+            (5, 1, true),
+            (6, 0, true),
+        ] {
+            versions.begin(&Frame { index, samples, ..Frame::default() }, index as usize & 1);
+            for node in [add, grow] {
+                let due = versions.due(&plan, node);
+                assert_eq!(due == Due::Run, expected, "frame {index}");
+                if due == Due::Run {
+                    versions.ran(&plan, node, &Changes::default(), due);
+                }
+            }
+        }
+    }
+
     stage!(Keep, "keep", |io| {
         io.persistent::<u32>("one", "numbers", Extent::Frame(1));
         io.persistent::<u32>("other", "numbers", Extent::Frame(1));

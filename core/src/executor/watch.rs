@@ -128,7 +128,6 @@ impl Watch {
             let bytes = memory.bytes().get(element * size..(element + 1) * size).unwrap_or_default();
             let count = if bytes.is_empty() { 0 } else { values::words(&field.element) };
             let words: Vec<u32> = (0..count).map(|at| values::word(&field.element, bytes, at)).collect();
-            drop(memory);
             self.report(node, &Suspect { field: index, element, words: &words, check }, frame);
         }
     }

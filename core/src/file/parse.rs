@@ -447,6 +447,9 @@ mod tests {
                 (line, column, length)
             };
             let (line, column, length) = place("");
+            if part.contains("tow") {
+                assert_eq!((line, column, length), (1, 10, 3));
+            }
             let on_first = |more: usize| if line == 1 { column + more } else { column };
             assert_eq!(place("é: "), (line, on_first(3), length), "{part}");
             assert_eq!(place("a,\n\n\t"), (line + 2, on_first(1), length), "{part}");

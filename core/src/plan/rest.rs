@@ -57,16 +57,14 @@ struct Contents {
 
 impl Contents {
     /// What a value follows from, for a node on one side; `late`: that side gets the GPU's values later.
-    fn origins(&mut self, value: Value, side: Side, late: bool) -> Origins {
+    fn origins(&self, value: Value, side: Side, late: bool) -> Origins {
         let alone = if late { Origin::Late(value.storage) } else { Origin::Before(value.storage) };
         if value.previous {
             return [alone].into();
         }
         let elsewhere = &self.origins[side.other()];
         let transferred = || elsewhere.clone().filter(|_| !late).unwrap_or_else(|| [alone].into());
-        let origins = self.origins[side].clone().unwrap_or_else(transferred);
-        self.origins[side] = Some(origins.clone());
-        origins
+        self.origins[side].clone().unwrap_or_else(transferred)
     }
 }
 

@@ -339,8 +339,8 @@ impl<'t> Given<'t> {
 /// What was filled into a form.
 struct Filled {
     holes: Vec<(&'static str, Value, Span)>,
-    /// The number of the form's own words.
-    literals: usize,
+    /// Whether any of the form's own words was there.
+    has_literal: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -432,7 +432,7 @@ enum Expected {
 
 /// Matches the tokens from `start` on with a form. Returns what was filled in and the place after the clause.
 fn fit(text: &'static str, given: &Given, start: usize) -> Result<(Filled, usize), Miss> {
-    let mut filled = Filled { holes: Vec::new(), literals: 0 };
+    let mut filled = Filled { holes: Vec::new(), has_literal: false };
     let mut wrong_number = None;
     let end = fill_all(text, given, start, &mut filled, &mut wrong_number);
     match (end, wrong_number) {
@@ -481,7 +481,7 @@ fn fill_all(
                 let expected = Expected::Words(piece.value.split('/').collect());
                 return Err(Miss { at: next, expected, close: false });
             }
-            filled.literals += 1;
+            filled.has_literal = true;
             next += 1;
         }
     }
@@ -670,7 +670,7 @@ fn clause<C: Subject>(given: &Given, start: usize) -> Result<(Spanned<C>, usize)
 /// Where a clause belongs, if it is one of another subject.
 fn elsewhere(given: &Given, start: usize) -> Option<&'static str> {
     fn fits<C: Subject>(given: &Given, start: usize) -> Option<&'static str> {
-        let fits = |form: &Form<C>| fit(form.text, given, start).is_ok_and(|(filled, _)| filled.literals > 0);
+        let fits = |form: &Form<C>| fit(form.text, given, start).is_ok_and(|(filled, _)| filled.has_literal);
         C::FORMS.iter().any(fits).then_some(C::WHERE)
     }
     fits::<PortClause>(given, start)
