@@ -304,6 +304,7 @@ mod tests {
         assert_eq!(kind.text(0b1000), "2 in 0x8");
         let signed = only(i32::element(), Rule::wholes(0, 5));
         assert!(!signed.holds(-1i32 as u32) && signed.wrong(-1i32 as u32) == Wrong::Negative);
+        assert_eq!(only(i32::element(), Rule::wholes(1, 5)).wrong(0), Wrong::OutOfRange);
         assert_eq!(numbers_of(u32::element(), &[Rule::index_of("nowhere")]), []);
         let bits = only(u32::element(), Rule::floats(0.0, f32::MAX));
         assert!(bits.holds(1f32.to_bits()) && bits.wrong(f32::NAN.to_bits()) == Wrong::Nan);

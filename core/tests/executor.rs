@@ -507,6 +507,45 @@ impl Stage for Unpack {
     }
 }
 
+/// Adds to its texture of the last frame.
+struct Trail {
+    before: In<texel::R32Uint>,
+    steps: Out<texel::R32Uint>,
+}
+
+impl Stage for Trail {
+    const KIND: &'static str = "trail";
+    const DOC: &'static str = "Adds each pixel's number, from 1, to what the last frame had.";
+    type Params = ();
+
+    fn declare((): &(), io: &mut Io) -> Self {
+        io.shader(Shader::new(
+            "trail.wgsl",
+            "
+#import frame
+@group(0) @binding(1) var before: texture_2d<u32>;
+@group(0) @binding(2) var steps: texture_storage_2d<r32uint, write>;
+@compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= frame.size) { return; }
+    let pixel = id.y * frame.size.x + id.x;
+    textureStore(steps, id.xy, textureLoad(before, id.xy, 0) + vec4(pixel + 1u, 0u, 0u, 0u));
+}",
+        ));
+        let before = io.history("before", "its output", Extent::Frame(1));
+        let steps = io.write("steps", "sums", Extent::Frame(1));
+        io.dispatch("main", steps);
+        Self { before, steps }
+    }
+
+    fn cpu(&self, (): &(), cx: &CpuContext) -> Result<(), String> {
+        let before = cx.read(self.before);
+        for (pixel, (now, before)) in (1..).zip(cx.write(self.steps).iter_mut().zip(&*before)) {
+            *now = before + pixel;
+        }
+        Ok(())
+    }
+}
+
 params! {
     /// Parameters of `seldom`.
     pub struct SeldomParams {
@@ -640,6 +679,7 @@ fn registry() -> Registry {
     Registry::default()
         .with::<Slow>()
         .with::<Unpack>()
+        .with::<Trail>()
         .with::<Seldom>()
         .with::<See>()
         .with::<Still>()
@@ -1342,6 +1382,32 @@ fn an_all_gpu_frame_has_no_transfers_and_pools() {
     let (_, unpooled) = compile(&file, &registry(), &settings).unwrap();
     assert!(plan.bytes(Side::Gpu) <= unpooled.bytes(Side::Gpu));
     assert_eq!(plan.bytes(Side::Cpu), 0);
+}
+
+#[test]
+fn last_frames_texture_survives_a_recompile_and_a_change_of_side() {
+    let start = |on: &str| {
+        let text = format!(
+            r#"#![enable(implicit_some)]
+            Graph(version: 1, nodes: {{
+                "trail": (kind: "trail", on: {on}, inputs: {{ "before": "trail.steps" }}),
+            }}, outputs: {{ "image": "trail.steps" }})"#
+        );
+        let file = GraphFile::parse("trail.ron", &text).unwrap();
+        executor(&file, &Settings::new(SIZE, 0, Facts::none()))
+    };
+    for (from, to) in [("Cpu", "Cpu"), ("Cpu", "Gpu"), ("Gpu", "Cpu"), ("Gpu", "Gpu")] {
+        let mut old = start(from);
+        for index in 0..3 {
+            old.run(&frame(index), &Host::default(), false).unwrap();
+        }
+        let mut new = start(to);
+        new.inherit(&mut old).unwrap();
+        new.run(&frame(3), &Host::default(), true).unwrap();
+        let steps = new.snapshot("image", "").unwrap().unwrap().get::<u32>();
+        let expected: Vec<u32> = (0..SIZE[0] * SIZE[1]).map(|pixel| 4 * (pixel + 1)).collect();
+        assert_eq!(steps, expected, "{from} to {to}");
+    }
 }
 
 #[test]

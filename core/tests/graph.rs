@@ -139,6 +139,36 @@ stage!(Splat, "splat", |io| {
 });
 
 params! {
+    /// Parameters of [`Choosy`].
+    pub struct ChoosyParams {
+        /// Whether it takes whole numbers, if it has a hint.
+        whole: bool = false;
+    }
+}
+
+/// Takes whole numbers, if it is set to and has a hint.
+struct Choosy;
+
+impl Stage for Choosy {
+    const KIND: &'static str = "choosy";
+    const DOC: &'static str = "A stage of the tests.";
+    type Params = ChoosyParams;
+    fn declare(params: &ChoosyParams, io: &mut Io) -> Self {
+        let hint = io.optional::<u32>("hint", "may be missing", Extent::Any);
+        if params.whole && hint.is_some() {
+            io.read::<u32>("in", "numbers", Extent::Any);
+        } else {
+            io.read::<f32>("in", "numbers", Extent::Any);
+        }
+        io.write::<f32>("out", "numbers", Extent::Frame(1));
+        Self
+    }
+    fn cpu(&self, _: &ChoosyParams, _: &CpuContext) -> Result<(), String> {
+        Ok(())
+    }
+}
+
+params! {
     /// Parameters of [`Row`].
     pub struct RowParams {
         /// Numbers in it.
@@ -275,6 +305,7 @@ fn registry() -> Registry {
         .with::<Moving>()
         .with::<Guess>()
         .with::<Maybe>()
+        .with::<Choosy>()
         .with::<Tell>()
         .with::<Helper>()
         .with::<Shadow>()
@@ -449,6 +480,11 @@ fn ports_are_found_by_name_when_a_stage_has_fewer_of_them() {
                 assert!(problems.to_string().contains(&format!("`first.work` {lost}")), "{problems}");
             }
         }
+        let output = compile(&file(nodes, "first.work"), &registry(), &settings).err();
+        assert_eq!(
+            output.and_then(|problems| problems.0[0].port.clone()).as_deref(),
+            (!moves).then_some("image")
+        );
         for port in ["first.work", "second.work"] {
             settings.taps = vec![port.parse().unwrap()];
             let found = compile(&file(nodes, "second.out"), &registry(), &settings);
@@ -565,6 +601,24 @@ fn settings_that_would_make_a_wire_fit_are_named_of_both_ends() {
             text.split_once("; it would fit with ").map_or(String::new(), |(_, remedies)| remedies.to_owned())
         });
         assert_eq!(remedies.as_deref(), expected, "{source} to {reader}");
+    }
+}
+
+#[test]
+fn a_setting_must_fit_with_the_inputs_that_are_connected() {
+    // With a hint, `choosy` takes whole numbers if it is set to.
+    let nodes = |hint: &str| {
+        format!(
+            r#""give": (kind: "give", params: (whole: true)), "guess": (kind: "guess"),
+            "choosy": (kind: "choosy", params: (whole: false), inputs: {{ "in": "give.out" {hint} }}),"#
+        )
+    };
+    for (hint, expected) in
+        [("", "give.whole=false"), (r#", "hint": "guess.out""#, "choosy.whole=true or give.whole=false")]
+    {
+        let text = problems(&nodes(hint), "choosy.out").to_string();
+        let (_, remedies) = text.lines().next().unwrap().split_once("; it would fit with ").expect(&text);
+        assert_eq!(remedies, expected, "{hint}");
     }
 }
 

@@ -293,26 +293,32 @@ params! {
     struct PlaceParams {
         /// The place that is written.
         place: u32 = 0;
+        /// The pixel that a listing writes.
+        pixel: u32 = 0;
     }
 }
 
-/// Writes a list of three things, its first port, and a place in it.
+/// Writes a list of three things, its first port, a place in it, and a pixel.
 struct Listing {
     place: Out<u32>,
+    pixel: Out<u32>,
 }
 
 impl Stage for Listing {
     const KIND: &'static str = "listing";
-    const DOC: &'static str = "Three things, and a place.";
+    const DOC: &'static str = "Three things, a place, and a pixel.";
     type Params = PlaceParams;
 
     fn declare(_: &PlaceParams, io: &mut Io) -> Self {
+        const PIXEL: &[Rule] = &[Rule::pixel_index()];
         io.write::<u32>("list", LIST, Extent::Fixed([3, 1]));
-        Self { place: io.write("place", PLACE, Extent::Fixed([1, 1])) }
+        let place = io.write("place", PLACE, Extent::Fixed([1, 1]));
+        Self { place, pixel: io.write("pixel", Holds::from("A pixel.").within(PIXEL), Extent::Fixed([1, 1])) }
     }
 
     fn cpu(&self, params: &PlaceParams, cx: &CpuContext) -> Result<(), String> {
         cx.write(self.place)[0] = params.place;
+        cx.write(self.pixel)[0] = params.pixel;
         if let Some(checks) = cx.checks(self.place) {
             checks.that(1, params.place != 99, "the second place, which is not there, is sound");
         }
@@ -464,6 +470,27 @@ fn of_several_nodes_with_checks_each_has_its_own() {
 }
 
 #[test]
+fn of_bad_values_on_both_sides_that_of_the_first_node_counts() {
+    for sides in [[Side::Cpu, Side::Gpu], [Side::Gpu, Side::Cpu]] {
+        let node = |name: &str, side: Side, base: &str| {
+            format!(
+                r#""{name}": (kind: "spoil", on: {side:?}, inputs: {{ "base": "{base}" }},
+                    params: (spot: Mark, element: 2, word: 3, bits: 6, frame: 2)),"#
+            )
+        };
+        let text = format!(
+            r#"#![enable(implicit_some)]
+            Graph(version: 1, nodes: {{ "base": (kind: "base"), {}{} }},
+                outputs: {{ "image": "first.depth", "other": "second.depth" }})"#,
+            node("first", sides[0], "base.zero"),
+            node("second", sides[1], "first.id"),
+        );
+        let bad = found(&GraphFile::parse("spoil.ron", &text).unwrap(), Side::Cpu);
+        assert_eq!((&*bad.node, bad.side), ("first", sides[0]));
+    }
+}
+
+#[test]
 fn what_ports_may_hold_is_not_reported() {
     let bits = f32::to_bits;
     for (spot, element, word, bits) in [
@@ -493,7 +520,7 @@ fn what_ports_may_hold_is_not_reported() {
 
 #[test]
 fn an_index_is_compared_with_the_nearest_list_of_its_node_or_of_what_that_reads() {
-    let bad = |listing: u32, picking: u32| {
+    let bad = |listing: &str, picking: &str| {
         let text = format!(
             r#"Graph(version: 1, nodes: {{
                 "listing": (kind: "listing", params: (place: {listing})),
@@ -507,11 +534,14 @@ fn an_index_is_compared_with_the_nearest_list_of_its_node_or_of_what_that_reads(
         }
     };
     let at = |port: &str, element, value: &str| Some((port.to_owned(), element, value.to_owned()));
-    assert_eq!(bad(2, 2), None);
-    assert_eq!(bad(3, 0), at("listing.place", 0, "3"));
-    assert_eq!(bad(0, 3), at("picking.place", 0, "3"));
+    assert_eq!(bad("2", "2"), None);
+    assert_eq!(bad("3", "0"), at("listing.place", 0, "3"));
+    assert_eq!(bad("0", "3"), at("picking.place", 0, "3"));
+    // A listing's place and pixel.
+    assert_eq!(bad("2, pixel: 90", "0"), None);
+    assert_eq!(bad("2, pixel: 91", "0"), at("listing.pixel", 0, "91"));
     // A check of an element that does not exist has no numbers to show.
-    assert_eq!(bad(99, 0), at("listing.place", 1, "missing: there are 1"));
+    assert_eq!(bad("99", "0"), at("listing.place", 1, "missing: there are 1"));
 }
 
 #[test]

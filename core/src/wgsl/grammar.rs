@@ -653,8 +653,7 @@ fn clause<C: Subject>(given: &Given, start: usize) -> Result<(Spanned<C>, usize)
             Expected::End => Some("a comma or the end of the line".to_owned()),
             Expected::Words(_) => None,
         });
-        let mut expected: Vec<String> = words().map(|word| format!("`{word}`")).chain(things).collect();
-        expected.dedup();
+        let expected: Vec<String> = words().map(|word| format!("`{word}`")).chain(things).collect();
         let after =
             if at > start { format!(" after `{}`", given.tokens[at - 1].value) } else { String::new() };
         let hint = if hint.is_empty() { hint } else { format!("; {hint}") };
