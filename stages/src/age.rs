@@ -118,12 +118,28 @@ struct Step {
 }
 
 impl Step {
+    /// A point's `meta` after the frame. This is the rule; [`Step::grow`] applies it to eight points at a time.
+    #[cfg(test)]
+    fn grow_point(&self, meta: u32, image_id: u32) -> u32 {
+        if meta & LIVE == 0 {
+            return meta;
+        }
+        let mut age = meta & AGE;
+        if meta & FRESH == 0 {
+            let not_drawn = if age > 0 && image_id == NOT_DRAWN { self.not_drawn } else { 0 };
+            let change = if meta & CHANGED != 0 { self.change } else { 0 };
+            age = (age + self.increment + not_drawn + change).min(AGE);
+        }
+        let is_evicted = self.evict && age >= AGE_OF_EVICTION;
+        if is_evicted { 0 } else { meta & !(AGE | CHANGED) | age }
+    }
+
     /// Ages points; returns how many have each age in whole numbers.
     #[inline(always)]
     fn grow<S: Simd>(&self, simd: S, meta: &mut [u32], image_id: &[u32]) -> [u32; 256] {
         let splat = |number: u32| u32x8::splat(simd, number);
         let zero = splat(0);
-        // Neighbours are often of one age: counters of their own need not wait for each other.
+        // Neighbouring points are often of one age. With counters for each lane, no addition waits for the one before.
         let mut counts = [[0; 256]; LANES];
         for first in (0..meta.len()).step_by(LANES) {
             let before = u32x8::load_array(simd, padded(meta, first));
@@ -139,11 +155,12 @@ impl Step {
             let age = (before & FRESH).simd_ne(zero).select(age, grown);
             let is_evicted = age.simd_ge(splat(if self.evict { AGE_OF_EVICTION } else { u32::MAX }));
             let after = is_evicted.select(zero, (before & !(AGE | CHANGED)) | age);
-            let lanes = LANES.min(meta.len() - first);
-            store(&is_live.select(after, before).to_array(), &mut meta[first..][..lanes]);
+            let count = LANES.min(meta.len() - first);
+            store(&is_live.select(after, before).to_array(), &mut meta[first..][..count]);
             let years = (age >> AGE_ONE.trailing_zeros()).to_array();
             let counted = bits(simd, is_live & !is_evicted).to_array();
             for lane in 0..LANES {
+                // Ages have 16 bits, so all of these are below 256; the mask lets the compiler omit the check.
                 counts[lane][(years[lane] & 0xFF) as usize] += counted[lane] & 1;
             }
         }
@@ -174,6 +191,7 @@ fn increment(rate: f32, arrived: f32, capacity: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use epigraph_core::Harness;
+    use fearless_simd::Level;
 
     use super::*;
     use crate::shared::testing::{Random, run_alike, run_both, settings};
@@ -255,6 +273,41 @@ mod tests {
         // But the one that reached 255 before, as points in changing light do, leaves.
         assert_eq!(out.get::<u32>("cloud.meta"), [meta[0], meta[1], 0, meta[3]]);
         assert_eq!(out.get::<u32>("histogram").iter().sum::<u32>(), 3);
+    }
+
+    #[test]
+    fn eight_points_age_as_each_alone() {
+        let mut random = Random(12);
+        // Not a multiple of the number of lanes. Ages near 0, near the eviction, and between.
+        let mut meta: Vec<u32> = Vec::new();
+        for _ in 0..2003 {
+            let age = match random.below(4) {
+                0 => random.below(3),
+                1 => AGE_OF_EVICTION - 2 + random.below(4),
+                _ => random.below(AGE + 1),
+            };
+            let flags = [LIVE, FRESH, CHANGED].map(|flag| flag * u32::from(random.below(4) != 0));
+            meta.push(age | flags.iter().sum::<u32>());
+        }
+        let image_id: Vec<u32> =
+            meta.iter().map(|_| if random.below(2) == 0 { NOT_DRAWN } else { 5 }).collect();
+        for (increment, evict) in [(0, false), (1, true), (546, false), (546, true), (AGE, true)] {
+            let step = Step { increment, not_drawn: 3 * increment, change: 64 * AGE_ONE, evict };
+            let points = meta.iter().zip(&image_id);
+            let expected: Vec<u32> =
+                points.map(|(&meta, &image_id)| step.grow_point(meta, image_id)).collect();
+            let mut counts = [0; 256];
+            let live = expected.iter().filter(|&meta| meta & LIVE != 0);
+            live.for_each(|meta| counts[((meta & AGE) / AGE_ONE) as usize] += 1);
+            for level in [Level::baseline(), Level::new()] {
+                let mut grown = meta.clone();
+                let counted = dispatch!(level, simd => step.grow(simd, &mut grown, &image_id));
+                for (i, (grown, expected)) in grown.iter().zip(&expected).enumerate() {
+                    assert_eq!(grown, expected, "{:#x} with increment {increment}, {evict}", meta[i]);
+                }
+                assert_eq!(counted, counts, "increment {increment}, {evict}");
+            }
+        }
     }
 
     #[test]
