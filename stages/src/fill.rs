@@ -237,10 +237,10 @@ impl Image<'_> {
             let count = BLOCK.min(self.width - left);
             for first in (0..count).step_by(LANES) {
                 let x = left + first;
-                let lanes = LANES.min(count - first);
+                let count = LANES.min(count - first);
                 let near: &[[f32; 4]; LANES] = near[first..].first_chunk().expect("a block has whole groups");
                 let [r, g, b, weight] = load_transposed(simd, near);
-                let color = &mut color[x..][..lanes];
+                let color = &mut color[x..][..count];
                 let is_near = weight.simd_gt(f32x8::splat(simd, 0.0));
                 if is_near.all_true() && !params.keep_points {
                     let one = f32x8::splat(simd, 1.0);
@@ -252,7 +252,7 @@ impl Image<'_> {
                 }
                 let point = u32x8::load_array(simd, padded(&self.id[y * self.width..][..self.width], x));
                 let has_point = point.simd_ne(u32x8::splat(simd, NO_POINT));
-                let priority = &mut priority[x..][..lanes];
+                let priority = &mut priority[x..][..count];
                 let with_point = u32x8::load_array(simd, padded(priority, 0));
                 let without_point =
                     without_points(simd, params.priority, weight.to_int::<i32x8<S>>().bitcast());
@@ -329,6 +329,7 @@ fn add(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
 #[cfg(test)]
 mod tests {
     use epigraph_core::Harness;
+    use fearless_simd::Level;
 
     use super::*;
     use crate::shared::{
@@ -419,6 +420,25 @@ mod tests {
         }
         let of = |age| with_point(Priority::Measured, age);
         assert_eq!([of(0), of(100 * AGE_ONE), of(AGE)], [0, 50, 127]);
+    }
+
+    #[test]
+    fn priorities_of_eight_pixels_are_those_of_each() {
+        for rule in [Priority::Measured, Priority::Classic] {
+            dispatch!(Level::new(), simd => {
+                // Every weight of neighbours, at most 12, and every age.
+                for first in (0..WEIGHTS_SUM).step_by(LANES) {
+                    let weights: [u32; LANES] = std::array::from_fn(|lane| first + lane as u32);
+                    let found = without_points(simd, rule, u32x8::load_array(simd, weights)).to_array();
+                    assert_eq!(found, weights.map(|weight| without_point(rule, weight)), "{weights:?}");
+                }
+                for first in (0..=AGE).step_by(LANES) {
+                    let ages: [u32; LANES] = std::array::from_fn(|lane| first + lane as u32);
+                    let found = with_points(simd, rule, u32x8::load_array(simd, ages)).to_array();
+                    assert_eq!(found, ages.map(|age| with_point(rule, age)), "{ages:?}");
+                }
+            });
+        }
     }
 
     #[test]
