@@ -1,5 +1,5 @@
-//! The last step: from linear radiance to the bytes that a screen shows. The exposure is a number, or found from the
-//! picture.
+//! The last step: from linear radiance to the bytes that a screen shows (`algorithms.md` section 1.10). The exposure is a
+//! number, or found from the picture.
 
 use epigraph_core::{
     CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads, choice, params, scratch, texel,
@@ -147,9 +147,9 @@ impl Auto {
 
 /// The sRGB encoding as a search: the same bytes as the rounded formula, without its power.
 struct Srgb {
-    /// For given upper bits of a value, from those of [`Srgb::FIRST`] to those of 1: the byte of the smallest value with
-    /// them, and where that byte ends, the smallest value of the next one; infinity for the last.
-    start: Vec<(f32, u32)>,
+    /// For given upper bits of a value, from those of [`Srgb::FIRST`] to those of 1: where the byte of the smallest value
+    /// with them ends, which is the smallest value of the next byte, or infinity after the last; and that byte.
+    table: Vec<(f32, u32)>,
 }
 
 impl Srgb {
@@ -163,19 +163,20 @@ impl Srgb {
             255 => f32::INFINITY,
             byte => decode_srgb((byte as f64 + 0.5) / 255.0) as f32,
         });
-        let table = Self::FIRST.to_bits() >> Self::SHIFT..=1f32.to_bits() >> Self::SHIFT;
+        let upper_bits = Self::FIRST.to_bits() >> Self::SHIFT..=1f32.to_bits() >> Self::SHIFT;
         let entry_of = |bits: u32| {
             let value = f32::from_bits(bits << Self::SHIFT);
             let byte = end.partition_point(|&end| end <= value);
             (end[byte], byte as u32)
         };
-        Self { start: table.map(entry_of).collect() }
+        Self { table: upper_bits.map(entry_of).collect() }
     }
 
+    /// The byte of a value that is not NaN. This is the rule; [`Srgb::code`] applies it to eight values.
     #[inline(always)]
     fn encode(&self, value: f32) -> u8 {
         let value = value.clamp(Self::FIRST, 1.0);
-        let (end, byte) = self.start[((value.to_bits() - Self::FIRST.to_bits()) >> Self::SHIFT) as usize];
+        let (end, byte) = self.table[((value.to_bits() - Self::FIRST.to_bits()) >> Self::SHIFT) as usize];
         // Values with the same upper bits differ by a factor of at most 1/128, and codes by 0.87: one step is enough.
         (byte + u32::from(value >= end)) as u8
     }
@@ -233,13 +234,14 @@ impl Srgb {
         let at = at.to_array();
         let (mut end, mut byte) = ([0.0; LANES], [0; LANES]);
         for lane in 0..LANES {
-            (end[lane], byte[lane]) = self.start[at[lane] as usize];
+            (end[lane], byte[lane]) = self.table[at[lane] as usize];
         }
         let (end, byte) = (f32x8::load_array(simd, end), u32x8::load_array(simd, byte));
         // All ones are -1.
         byte - bits(simd, value.simd_ge(end))
     }
 
+    /// The bytes of a colour. This is the rule; [`Srgb::codes`] applies it to eight finite colours.
     #[inline(always)]
     fn show(&self, curve: Curve, color: [f32; 3]) -> [u8; 3] {
         if color.iter().any(|channel| channel.is_nan()) {
@@ -262,6 +264,7 @@ impl Srgb {
 #[cfg(test)]
 mod tests {
     use epigraph_core::Harness;
+    use fearless_simd::Level;
 
     use super::*;
     use crate::shared::testing::{Random, run_alike, run_both, settings};
@@ -297,6 +300,40 @@ mod tests {
         let image = shown(TonemapParams::default(), &[[0.0, 1.0, 0.5], [-1.0, 2.0, 0.0031308]]);
         // 1.055 * 0.5^(1 / 2.4) - 0.055 = 0.7354 = 187.5 / 255; 12.92 * 0.0031308 = 0.04045 = 10.3 / 255.
         assert_eq!(image, [[0, 255, 188, 255], [0, 255, 10, 255]]);
+    }
+
+    #[test]
+    fn a_row_is_shown_as_its_colours_one_by_one() {
+        let srgb = Srgb::new();
+        let mut random = Random(4);
+        let extremes =
+            [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, -0.0, 1.0, Srgb::FIRST];
+        let mut channel = || match random.below(200) {
+            extreme @ 0..8 => extremes[extreme as usize],
+            8..50 => random.between(-0.1, 1.2),
+            // Where a byte ends, or just below.
+            _ => {
+                let (end, _) = srgb.table[random.below(srgb.table.len() as u32) as usize];
+                if random.below(2) == 0 { end } else { end.next_down() }
+            }
+        };
+        // The last group is not full.
+        let colors: Vec<[f32; 4]> = (0..4099).map(|_| [0; 4].map(|_| channel())).collect();
+        let curves = [Curve::Clamp, Curve::Reinhard];
+        for (curve, gain) in curves.into_iter().flat_map(|curve| [(curve, 1.0), (curve, 1.7)]) {
+            let show = |&[r, g, b, _]: &[f32; 4]| {
+                let [r, g, b] = srgb.show(curve, [r, g, b].map(|channel| channel * gain));
+                [r, g, b, 255]
+            };
+            let expected: Vec<[u8; 4]> = colors.iter().map(show).collect();
+            for level in [Level::baseline(), Level::new()] {
+                let mut image = vec![[0; 4]; colors.len()];
+                dispatch!(level, simd => srgb.show_row(simd, curve, gain, &colors, &mut image));
+                for (i, (found, expected)) in image.iter().zip(&expected).enumerate() {
+                    assert_eq!(found, expected, "{:?} times {gain}", colors[i]);
+                }
+            }
+        }
     }
 
     #[test]
