@@ -6,6 +6,8 @@
 //! Diagonal neighbours are reached through the two pixels beside them, and the outer ring of the 5x5 pixels through the
 //! inner one. A complex pixel joins nothing, and neither does anything outside the image. Both sides work on tiles, and
 //! skip those in which all pixels are empty, as 85 to 95% of an image's are: every path is open there.
+//!
+//! Pixel by pixel: `reach.wgsl`, and with Boolean matrices `tests/numerics/pixels.rs`.
 
 use epigraph_core::{
     CpuContext, Extent, Finding, In, Io, Out, Site, Stage, choice, constants, params, scratch,
@@ -151,14 +153,14 @@ const OPEN_PAIRS: u32 = 0x11;
 /// A word for each pixel of a tile and its margin, row by row.
 type Span = [u32; STRIDE * SPAN];
 
-/// Which pixels of a span are near edges: for each row, a bit for each column.
-struct Near {
-    /// Those that are not empty.
-    edges: [u32; SPAN],
-    /// Those with such a pixel in their 3x3 pixels.
-    near: [u32; SPAN],
-    /// Those with such a pixel in their 5x5 pixels.
-    reached: [u32; SPAN],
+/// Which pixels of a span have an edge: for each row, a bit for each column.
+struct Edges {
+    /// In the pixel itself: those that are not empty.
+    here: [u32; SPAN],
+    /// In their 3x3 pixels.
+    in_3x3: [u32; SPAN],
+    /// In their 5x5 pixels.
+    in_5x5: [u32; SPAN],
 }
 
 /// The inputs of an image.
@@ -177,12 +179,12 @@ impl Image<'_> {
         for first in (0..width).step_by(TILE) {
             let at = [first as i32 - MARGIN as i32, top - MARGIN as i32];
             let cls = self.classes(at);
-            let near = Near::new(simd, &cls);
+            let edges = Edges::new(simd, &cls);
             let (mut joined, mut reached) = ([ALL_NEIGHBOURS; STRIDE * SPAN], [ALL_REACHED; STRIDE * SPAN]);
-            if near.edges != [0; SPAN] {
-                let pairs = self.pairs(at, &cls, &near);
-                neighbours(simd, &pairs, &near, &mut joined);
-                reach(simd, &joined, wide, &near, &mut reached);
+            if edges.here != [0; SPAN] {
+                let pairs = self.pairs(at, &cls, &edges);
+                neighbours(simd, &pairs, &edges, &mut joined);
+                reach(simd, &joined, wide, &edges, &mut reached);
             }
             let columns = first..(first + TILE).min(width);
             for (y, (n8, r24)) in n8.chunks_mut(width).zip(r24.chunks_mut(width)).enumerate() {
@@ -215,16 +217,16 @@ impl Image<'_> {
     /// The matrices of each pixel of a span and its right (bits 0 to 3) and lower (4 to 7) neighbours. Nothing depends on
     /// what is to the right of and below the span.
     #[inline(always)]
-    fn pairs(&self, [x, y]: [i32; 2], cls: &Span, near: &Near) -> Span {
+    fn pairs(&self, [x, y]: [i32; 2], cls: &Span, edges: &Edges) -> Span {
         let mask = |column: usize, row: usize| {
             let [x, y] = [(x + column as i32) as usize, (y + row as i32) as usize];
             self.mask[y * (self.width + 1) + x]
         };
         let mut pairs = [OPEN_PAIRS; STRIDE * SPAN];
         for row in 0..SPAN {
-            // Those with an edge in them or beside them.
-            let below = near.edges.get(row + 1).copied().unwrap_or(0);
-            let mut rest = near.edges[row] | near.edges[row] >> 1 | below;
+            // Those that are not empty, or whose right or lower neighbour is not.
+            let below = edges.here.get(row + 1).copied().unwrap_or(0);
+            let mut rest = edges.here[row] | edges.here[row] >> 1 | below;
             while rest != 0 {
                 let column = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
@@ -251,27 +253,27 @@ fn store_row(words: &[u32], to: &mut [u32]) {
     }
 }
 
-impl Near {
+impl Edges {
     #[inline(always)]
     fn new<S: Simd>(simd: S, cls: &Span) -> Self {
-        let mut edges = [0; SPAN];
-        for (edges, cls) in edges.iter_mut().zip(cls.chunks(STRIDE)) {
+        let mut here = [0; SPAN];
+        for (here, cls) in here.iter_mut().zip(cls.chunks(STRIDE)) {
             for first in (0..SPAN).step_by(LANES) {
                 let cls = u32x8::from_slice(simd, &cls[first..][..LANES]) & CLASS;
-                *edges |= (cls.simd_ne(u32x8::splat(simd, EMPTY)).to_bitmask() as u32) << first;
+                *here |= (cls.simd_ne(u32x8::splat(simd, EMPTY)).to_bitmask() as u32) << first;
             }
-            *edges &= (1 << SPAN) - 1;
+            *here &= (1 << SPAN) - 1;
         }
-        let (mut near, mut reached) = ([0; SPAN], [0; SPAN]);
+        let (mut in_3x3, mut in_5x5) = ([0; SPAN], [0; SPAN]);
         for y in MARGIN - 1..=SPAN - MARGIN {
-            let rows = edges[y - 1] | edges[y] | edges[y + 1];
-            near[y] = rows | rows << 1 | rows >> 1;
+            let rows = here[y - 1] | here[y] | here[y + 1];
+            in_3x3[y] = rows | rows << 1 | rows >> 1;
         }
         for y in MARGIN..SPAN - MARGIN {
-            let rows = near[y - 1] | near[y] | near[y + 1];
-            reached[y] = rows | rows << 1 | rows >> 1;
+            let rows = in_3x3[y - 1] | in_3x3[y] | in_3x3[y + 1];
+            in_5x5[y] = rows | rows << 1 | rows >> 1;
         }
-        Self { edges, near, reached }
+        Self { here, in_3x3, in_5x5 }
     }
 }
 
@@ -296,9 +298,9 @@ fn load<S: Simd>(simd: S, span: &Span, first: usize) -> u32x8<S> {
 
 /// Writes N8 of those pixels of a span, except the outermost, that have an edge in their 3x3 pixels, and of some others.
 #[inline(always)]
-fn neighbours<S: Simd>(simd: S, pairs: &Span, near: &Near, n8: &mut Span) {
+fn neighbours<S: Simd>(simd: S, pairs: &Span, edges: &Edges, n8: &mut Span) {
     groups(
-        &near.near,
+        &edges.in_3x3,
         1,
         #[inline(always)]
         |i| {
@@ -313,9 +315,9 @@ fn neighbours<S: Simd>(simd: S, pairs: &Span, near: &Near, n8: &mut Span) {
             let nw =
                 chained(simd, w, transposed(above_left >> 4)) | chained(simd, n, transposed(above_left & 15));
             let ne = chained(simd, n, above & 15) | chained(simd, e, transposed(above_right >> 4));
-            let near = e | (se << 4) | (s << 8) | (sw << 12);
-            let far = (w << 16) | (nw << 20) | (n << 24) | (ne << 28);
-            (near | far).store_slice(&mut n8[i..][..LANES]);
+            let low = e | (se << 4) | (s << 8) | (sw << 12);
+            let high = (w << 16) | (nw << 20) | (n << 24) | (ne << 28);
+            (low | high).store_slice(&mut n8[i..][..LANES]);
         },
     );
 }
@@ -348,9 +350,9 @@ fn place_of([x, y]: [i32; 2]) -> u32 {
 
 /// Writes R24 of those pixels of a tile that have an edge in their 5x5 pixels, and of some others.
 #[inline(always)]
-fn reach<S: Simd>(simd: S, n8: &Span, wide: bool, near: &Near, r24: &mut Span) {
+fn reach<S: Simd>(simd: S, n8: &Span, wide: bool, edges: &Edges, r24: &mut Span) {
     groups(
-        &near.reached,
+        &edges.in_5x5,
         MARGIN,
         #[inline(always)]
         |i| {
