@@ -308,18 +308,17 @@ impl Image<'_> {
     fn ballots<S: Simd>(&self, simd: S, x: usize, y: usize, scale: f32) -> [u32x8<S>; 2] {
         let row = |dy: usize| &self.depth[(y + dy - REACH) * self.width + x - REACH..][..LANES + SPAN - 1];
         let z = f32x8::from_bits(u32x8::from_slice(simd, &row(REACH)[REACH..][..LANES]));
-        // All ones are -1.
-        let (mut voters, mut nearer) = (u32x8::splat(simd, 1), u32x8::splat(simd, 0));
+        // The point itself is not a voter, so these are counted from -1. All ones are -1 too: to subtract them adds 1.
+        let (mut voters, mut nearer) = (u32x8::splat(simd, u32::MAX), u32x8::splat(simd, 0));
         for dy in 0..SPAN {
             for dx in 0..SPAN {
                 let depth = u32x8::from_slice(simd, &row(dy)[dx..][..LANES]);
-                voters += bits(simd, depth.simd_lt(u32x8::splat(simd, EMPTY_DEPTH)));
+                voters -= bits(simd, depth.simd_lt(u32x8::splat(simd, EMPTY_DEPTH)));
                 let scaled = f32x8::from_bits(depth) * f32x8::splat(simd, scale);
-                nearer += bits(simd, scaled.simd_lt(z));
+                nearer -= bits(simd, scaled.simd_lt(z));
             }
         }
-        let zero = u32x8::splat(simd, 0);
-        [zero - voters, zero - nearer]
+        [voters, nearer]
     }
 
     /// Whether a pixel shows a point, there are others in the 5x5 pixels, and enough of these are clearly nearer.

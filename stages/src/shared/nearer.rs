@@ -16,7 +16,7 @@ pub const BAND: usize = 32;
 /// Pixels of a row that are processed together.
 const BLOCK: usize = 64;
 
-/// The smaller distance; compiles to the processor's minimum.
+/// The smaller distance, as [`lanes::lesser`](super::lanes::lesser); compiles to the processor's minimum.
 #[inline(always)]
 fn lesser(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
@@ -53,20 +53,20 @@ pub fn where_nearer(
     mut each: impl FnMut(usize, usize, u8),
 ) {
     for left in (0..width).step_by(BLOCK) {
-        // Row y - REACH of the image, which may be outside, is at index y modulo SPAN.
+        // Row `last` - REACH of the image, which may be outside, is at index `last` modulo SPAN.
         let mut nearest_of_rows = [[f32::INFINITY; BLOCK]; SPAN];
         let count = BLOCK.min(width - left);
-        for y in rows.start..rows.end + 2 * REACH {
-            nearest_of_rows[y % SPAN] = if (REACH..height + REACH).contains(&y) {
-                nearest_of_row(width, left, y - REACH, &distances)
+        for last in rows.start..rows.end + 2 * REACH {
+            nearest_of_rows[last % SPAN] = if (REACH..height + REACH).contains(&last) {
+                nearest_of_row(width, left, last - REACH, &distances)
             } else {
                 [f32::INFINITY; BLOCK]
             };
-            // The row of which this is the last one around.
-            if y < rows.start + 2 * REACH {
+            if last < rows.start + 2 * REACH {
                 continue;
             }
-            let y = y - 2 * REACH;
+            // The row around which all are now there.
+            let y = last - 2 * REACH;
             let mut nearest = [f32::INFINITY; BLOCK];
             for row in &nearest_of_rows {
                 nearest.iter_mut().zip(row).for_each(|(nearest, z)| *nearest = lesser(*z, *nearest));
