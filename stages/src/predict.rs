@@ -12,7 +12,7 @@ use crate::{
     meaning::{OCCUPANCY, POINTS},
     shared::{
         cloud::LIVE,
-        lanes::{LANES, padded, store},
+        lanes::{LANES, append, padded},
         view::Lanes,
     },
 };
@@ -110,8 +110,7 @@ fn cells_of_points<S: Simd>(
         let is_drawn = lanes.is_drawn & (meta & LIVE).simd_ne(u32x8::splat(simd, 0));
         let [x, y] = lanes.pixel().map(|along| along >> CELL.trailing_zeros());
         let cell = y * u32x8::splat(simd, width) + x;
-        store(&simd.compress_u32x8(cell, is_drawn).to_array(), &mut cells[count..][..LANES]);
-        count += is_drawn.to_bitmask().count_ones() as usize;
+        count += append(simd, cell, is_drawn, &mut cells[count..]);
     }
     count
 }

@@ -19,7 +19,7 @@ use crate::{
     meaning::{CELL, DEPTH, ID, POINTS},
     shared::{
         cloud::{AGE, AGE_ONE, LIVE, NO_POINT, NOT_DRAWN},
-        lanes::{LANES, padded, store},
+        lanes::{LANES, append, padded, store},
         view::{Lanes, Projected},
     },
 };
@@ -236,8 +236,7 @@ impl Band<'_> {
             // [`NOT_DRAWN`] is beyond all pixels.
             let is_mine = place.simd_lt(u32x8::splat(simd, self.id.len() as u32));
             let points = lanes + u32x8::splat(simd, (first * LANES) as u32);
-            store(&simd.compress_u32x8(points, is_mine).to_array(), &mut list[count..][..LANES]);
-            count += is_mine.to_bitmask().count_ones() as usize;
+            count += append(simd, points, is_mine, &mut list[count..]);
         }
         count
     }

@@ -183,7 +183,8 @@ pub fn chain(pq: u32, qr: u32) -> u32 {
     through_primary | through_secondary
 }
 
-/// The bits if the lowest bit of the number is set, otherwise 0. Branchless.
+/// The bits if the lowest bit of the number is set, otherwise 0. Branchless. [`lanes::if_odd`](super::lanes::if_odd) does the
+/// same for eight.
 #[inline(always)]
 pub fn if_odd(number: u32, bits: u32) -> u32 {
     0u32.wrapping_sub(number & 1) & bits

@@ -8,7 +8,7 @@ use fearless_simd::{Simd, f32x8, mask32x8, prelude::*, u32x8};
 /// The number of lanes.
 pub const LANES: usize = 8;
 
-/// Vectors of four numbers by lane, one for each of four vectors: the transpose of their memory.
+/// Eight vectors of four numbers by channel: lane i of channel c is `vectors[i][c]`.
 #[inline(always)]
 pub fn load_transposed<S: Simd>(simd: S, vectors: &[[f32; 4]; LANES]) -> [f32x8<S>; 4] {
     let (halves, _) = vectors.as_flattened().as_chunks::<16>();
@@ -38,7 +38,7 @@ pub fn store_vectors<S: Simd>(simd: S, channels: [f32x8<S>; 4], to: &mut [[f32; 
     }
 }
 
-/// The smaller number of each lane, the second one where one is NaN.
+/// The smaller number of each lane, the second one where one is NaN. `nearer.rs` has it for a single lane.
 #[inline(always)]
 pub fn lesser<S: Simd>(simd: S, a: f32x8<S>, b: f32x8<S>) -> f32x8<S> {
     simd.select_f32x8(simd.simd_lt_f32x8(a, b), a, b)
@@ -50,7 +50,7 @@ pub fn bits<S: Simd>(simd: S, mask: mask32x8<S>) -> u32x8<S> {
     simd.select_u32x8(mask, u32x8::splat(simd, !0), u32x8::splat(simd, 0))
 }
 
-/// The numbers of the lanes whose lowest bit is set in `lanes`, else 0.
+/// [`if_odd`](super::edge_pixel::if_odd) of eight numbers: those of the lanes whose lowest bit is set in `lanes`, else 0.
 #[inline(always)]
 pub fn if_odd<S: Simd>(simd: S, lanes: u32x8<S>, numbers: u32x8<S>) -> u32x8<S> {
     (u32x8::splat(simd, 0) - (lanes & 1)) & numbers
@@ -72,6 +72,14 @@ pub fn store<T: Copy>(lanes: &[T; LANES], to: &mut [T]) {
         Some(to) => *to = *lanes,
         None => to.copy_from_slice(&lanes[..to.len()]),
     }
+}
+
+/// Writes the numbers of the lanes that are set, one after the other, and returns how many these are. Writes eight in any
+/// case, as it then needs no branch; the next group overwrites the rest. So a list has room for [`LANES`] more.
+#[inline(always)]
+pub fn append<S: Simd>(simd: S, numbers: u32x8<S>, mask: mask32x8<S>, to: &mut [u32]) -> usize {
+    store(&simd.compress_u32x8(numbers, mask).to_array(), &mut to[..LANES]);
+    mask.to_bitmask().count_ones() as usize
 }
 
 /// The entries of a table at these indices, of which the lowest four bits count.
