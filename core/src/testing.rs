@@ -182,13 +182,13 @@ fn run<S: Stage>(harness: &mut Harness<S>, registry: &Registry, side: Side) -> O
         return frame(harness);
     }
     harness.use_vectors(false);
-    let plain = frame(harness);
+    let baseline = frame(harness);
     harness.use_vectors(true);
     let outputs = frame(harness);
     for (name, snapshot) in &outputs.0 {
         assert!(
-            snapshot.bytes == plain.0[name].bytes,
-            "`{name}` differs from what the twin writes without vectors"
+            snapshot.bytes == baseline.0[name].bytes,
+            "`{name}` differs from what the twin writes without wider vectors"
         );
     }
     outputs
@@ -309,11 +309,14 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "differs from what the twin writes without vectors")]
+    #[should_panic(expected = "differs from what the twin writes without wider vectors")]
     fn a_twin_that_writes_other_bits_with_vectors_is_noticed() {
         let [all, baseline] = [Level::new(), Level::baseline()].map(|level| format!("{level:?}"));
         // A processor without more than the baseline runs the same code twice.
-        assert!(all != baseline, "differs from what the twin writes without vectors: not on this processor");
+        assert!(
+            all != baseline,
+            "differs from what the twin writes without wider vectors: not on this processor"
+        );
         run_cpu(&mut Harness::<Fickle>::new((), &settings([1, 1], 0)), &Registry::default());
     }
 }

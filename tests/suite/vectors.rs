@@ -24,13 +24,16 @@ fn every_port_of_shipped_graphs_is_the_same_with_and_without_vectors() {
     for name in GRAPHS {
         for (place, size) in places.iter().zip([[75, 46], [131, 39]]) {
             let settings = Settings { side: Side::Cpu, ..sampled(size, 0.1) };
-            let plain = ports(name, place, &Settings { vectors: false, ..settings.clone() }, 1);
-            assert!(!plain.is_empty(), "{name}");
+            let baseline = ports(name, place, &Settings { vectors: false, ..settings.clone() }, 1);
+            assert!(!baseline.is_empty(), "{name}");
             for (vectors, threads) in [(false, 2), (true, 1), (true, 2)] {
                 let found = ports(name, place, &Settings { vectors, ..settings.clone() }, threads);
-                for (plain, found) in plain.iter().zip(&found) {
-                    let what = format!("{name}: {} {}", plain.name, plain.field);
-                    assert!(plain.bytes == found.bytes, "{what} with vectors: {vectors}, {threads} threads");
+                for (baseline, found) in baseline.iter().zip(&found) {
+                    let what = format!("{name}: {} {}", baseline.name, baseline.field);
+                    assert!(
+                        baseline.bytes == found.bytes,
+                        "{what} with vectors: {vectors}, {threads} threads"
+                    );
                 }
             }
         }
