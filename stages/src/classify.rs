@@ -119,7 +119,7 @@ impl Stage for Classify {
             dispatch!(level, _ => grid.without_edges(id, subpixel, cls));
             for first in (0..width).step_by(RUN) {
                 let group = first..width.min(first + RUN);
-                // Of the sides that pixels of the group share, each is in one mask.
+                // `above` has the left, top and right sides, `below` the bottom ones.
                 let crossings = |bits: u32, mask: &u32| bits | mask;
                 let beside = above[group.start..group.end + 1].iter().fold(0, crossings) & 0xFFFF;
                 if beside | below[group.clone()].iter().fold(0, crossings) & 0xFF00 == 0 {
