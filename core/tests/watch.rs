@@ -347,10 +347,44 @@ impl Stage for Picking {
     }
 }
 
+params! {
+    /// Parameters of [`Lazy`].
+    struct LazyParams {
+        /// Whether it writes NaN, which it may; else it writes nothing.
+        wild: bool = false;
+    }
+}
+
+/// Writes NaN, or nothing.
+struct Lazy {
+    numbers: Out<f32>,
+}
+
+impl Stage for Lazy {
+    const KIND: &'static str = "lazy";
+    const DOC: &'static str = "NaN, or what its memory holds.";
+    type Params = LazyParams;
+
+    fn declare(params: &LazyParams, io: &mut Io) -> Self {
+        const ANY: &[Rule] = &[Rule::any()];
+        io.optional::<f32>("of", "Numbers.", Extent::Frame(1));
+        let holds = Holds::from("Numbers.");
+        let holds = if params.wild { holds.within(ANY) } else { holds };
+        Self { numbers: io.write("numbers", holds, Extent::Frame(1)) }
+    }
+
+    fn cpu(&self, params: &LazyParams, cx: &CpuContext) -> Result<(), String> {
+        if params.wild {
+            cx.write(self.numbers).fill(f32::NAN);
+        }
+        Ok(())
+    }
+}
+
 fn registry() -> Registry {
     let frame = ShaderModule::new("frame.wgsl", epigraph_shaders::text("shared/frame.wgsl"));
     let registry = Registry::default().with::<Base>().with::<Spoil>().with::<Hand>();
-    registry.with::<Listing>().with::<Picking>().with_module(frame)
+    registry.with::<Listing>().with::<Picking>().with::<Lazy>().with_module(frame)
 }
 
 fn file(params: &str, hand: Side) -> GraphFile {
@@ -542,6 +576,24 @@ fn an_index_is_compared_with_the_nearest_list_of_its_node_or_of_what_that_reads(
     assert_eq!(bad("2, pixel: 91", "0"), at("listing.pixel", 0, "91"));
     // A check of an element that does not exist has no numbers to show.
     assert_eq!(bad("99", "0"), at("listing.place", 1, "missing: there are 1"));
+}
+
+#[test]
+fn what_others_left_in_shared_memory_is_not_found() {
+    // `last` has the memory of `first` and writes nothing.
+    let text = r#"Graph(version: 1, nodes: {
+        "first": (kind: "lazy", params: (wild: true)),
+        "middle": (kind: "lazy", inputs: { "of": "first.numbers" }),
+        "last": (kind: "lazy", inputs: { "of": "middle.numbers" }),
+    }, outputs: { "image": "last.numbers" })"#;
+    let file = GraphFile::parse("lazy.ron", text).unwrap();
+    let last = |watch: bool| {
+        let mut executor = executor(&file, &settings(Side::Cpu, watch));
+        run(&mut executor, 0).unwrap();
+        executor.snapshot("image", "").unwrap().unwrap().get::<f32>()[0]
+    };
+    assert!(last(false).is_nan());
+    assert_eq!(last(true), 0.0);
 }
 
 #[test]
