@@ -144,15 +144,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut mutants: Vec<(usize, Mutant)> = Vec::new();
     for (part, (name, folder)) in PARTS.iter().enumerate().filter(|(_, (name, _))| wanted(name)) {
         for path in files(&root, folder)? {
+            let is_shader = *name == "wgsl" && path.ends_with(".wgsl");
+            if !is_shader && !(*name != "wgsl" && is_source(&path)) {
+                continue;
+            }
             let text = fs::read_to_string(root.join(&path))?;
             let first = mutants.len() as u32;
-            if *name == "wgsl" && path.ends_with(".wgsl") {
+            if is_shader {
                 let found = wgsl::find(&path, &text, first);
                 for wgsl::Text { mutant, text } in found {
                     mutants.push((part, mutant));
                     shaders.push(text);
                 }
-            } else if *name != "wgsl" && is_source(&path) {
+            } else {
                 let (found, edits) =
                     rust::find(&path, &text, first).map_err(|error| format!("{path}: {error}"))?;
                 mutants.extend(found.into_iter().map(|mutant| (part, mutant)));
