@@ -53,6 +53,11 @@ impl Look {
     pub fn albedo(&self) -> Vec3 {
         if self.unlit { Vec3::ZERO } else { self.color + self.f0 * (1.0 - self.metallic) }
     }
+
+    /// Whether all that is seen of the surface is light that it scatters: it hides what is behind it, and emits nothing.
+    pub(crate) fn only_scatters(&self) -> bool {
+        self.opacity == 1.0 && self.transmission == 0.0 && !self.unlit && self.emission == Vec3::ZERO
+    }
 }
 
 /// The opacity that a material's rule makes of a share.

@@ -115,6 +115,9 @@ pub struct Hit {
     /// How much the radiance depends on the direction from which it is seen: roughly, by what share of itself it may
     /// change per radian. 0 for diffuse surfaces, 500 for mirrors and clear glass.
     pub sharpness: f32,
+    /// The surface's [`Look::albedo`] where it differs from point to point, by maps or colours of the mesh, and the radiance
+    /// is light that the surface scatters; 1 elsewhere. The radiance divided by it shows no texture.
+    pub pattern: Vec3,
 }
 
 impl Default for Hit {
@@ -128,6 +131,7 @@ impl Default for Hit {
             face: NO_FACE,
             normal: Vec3::ZERO,
             sharpness: 0.0,
+            pattern: Vec3::ONE,
         }
     }
 }
@@ -200,6 +204,8 @@ struct Met<'a> {
     facing: Vec3,
     normal: Vec3,
     look: &'a Look,
+    /// Whether it looks so everywhere.
+    is_plain: bool,
     /// Radiance that the surface emits towards the viewer, where it is opaque.
     emission: Vec3,
 }
@@ -356,7 +362,8 @@ impl Tracer {
     ) -> Hit {
         let start = start * direction.length();
         let direction = direction.normalize_or_zero();
-        let Some(first) = self.vertex_from(origin, direction, start) else {
+        let first = self.meet(origin, direction, start, |met| (met.pattern(), met.vertex(origin, direction)));
+        let Some((pattern, first)) = first else {
             return Hit { position: direction, radiance: self.scene.beyond(direction), ..Hit::default() };
         };
         let (mut radiance, mut variance) = self.radiance(&first, settings, rng);
@@ -372,6 +379,7 @@ impl Tracer {
             face: first.face,
             normal: first.facing,
             sharpness: first.sharpness(),
+            pattern,
         }
     }
 
@@ -676,28 +684,7 @@ impl Tracer {
 
     /// The nearest surface along a ray of unit direction, `start` metres from its origin or farther.
     fn vertex_from(&self, origin: Vec3, direction: Vec3, start: f32) -> Option<Vertex> {
-        self.meet(origin, direction, start, |met| {
-            let Met { position, face, front, facing, normal, look, emission } = met;
-            let to_viewer = -direction;
-            let kept = match look.medium {
-                Some(medium) if !front => (-medium.absorption * origin.distance(position)).exp(),
-                _ => Vec3::ONE,
-            };
-            Vertex {
-                position,
-                face,
-                facing,
-                to_viewer,
-                bsdf: if look.unlit {
-                    Bsdf::black(normal, to_viewer)
-                } else {
-                    Bsdf::new(look, normal, to_viewer, front)
-                },
-                opacity: look.opacity,
-                emission,
-                kept,
-            }
-        })
+        self.meet(origin, direction, start, |met| met.vertex(origin, direction))
     }
 
     /// Finds the nearest surface along a ray of unit direction, `start` metres from its origin or farther; `then` makes
@@ -738,7 +725,40 @@ impl Tracer {
             Some(_) => shading,
             None => turned(self.scene.mapped_normal(index, weights, front, shading), facing),
         };
-        Some(then(Met { position, face, front, facing, normal, look, emission }))
+        let is_plain = plain.is_some();
+        Some(then(Met { position, face, front, facing, normal, look, is_plain, emission }))
+    }
+}
+
+impl Met<'_> {
+    /// See [`Hit::pattern`].
+    fn pattern(&self) -> Vec3 {
+        if self.is_plain || !self.look.only_scatters() { Vec3::ONE } else { self.look.albedo() }
+    }
+
+    /// The point that a ray from `origin` of unit direction met.
+    #[inline(always)]
+    fn vertex(self, origin: Vec3, direction: Vec3) -> Vertex {
+        let Met { position, face, front, facing, normal, look, emission, .. } = self;
+        let to_viewer = -direction;
+        let kept = match look.medium {
+            Some(medium) if !front => (-medium.absorption * origin.distance(position)).exp(),
+            _ => Vec3::ONE,
+        };
+        Vertex {
+            position,
+            face,
+            facing,
+            to_viewer,
+            bsdf: if look.unlit {
+                Bsdf::black(normal, to_viewer)
+            } else {
+                Bsdf::new(look, normal, to_viewer, front)
+            },
+            opacity: look.opacity,
+            emission,
+            kept,
+        }
     }
 }
 

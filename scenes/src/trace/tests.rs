@@ -105,6 +105,33 @@ fn form_factor(side: f32, height: f32) -> f32 {
     4.0 / (2.0 * PI) * 2.0 * (x / root) * (x / root).atan()
 }
 
+/// What colours of the mesh vary is a pattern where all of the radiance is scattered light.
+#[test]
+fn patterns_are_albedos_that_vary_of_surfaces_that_only_scatter() {
+    let pattern = |surface: Material, emission: f32, varies: bool| {
+        let mut stage = Stage::new(1.0);
+        stage.quad(Vec3::new(-5.0, 0.0, -5.0), Vec3::Z * 10.0, Vec3::X * 10.0, surface, 0.5, emission);
+        if varies {
+            let colors = vec![[glam::Vec4::new(0.8, 0.4, 0.2, 1.0); 3]; 2];
+            stage.scene.mesh.corner_colors = Arc::new(colors);
+        }
+        look(&stage.tracer(), Vec3::new(0.3, 1.0, 0.2), Vec3::ZERO, &settings(Mode::Path, 1)).pattern
+    };
+    let is = |found: Vec3, expected: [f32; 3]| {
+        assert!(found.distance(expected.into()) < 1e-6, "{found}, expected {expected:?}");
+    };
+    is(pattern(diffuse(), 0.0, true), [0.4, 0.2, 0.1]);
+    is(pattern(glossy(0.3, 0.04), 0.0, true), [0.44, 0.24, 0.14]);
+    is(pattern(mirror(), 0.0, true), [0.4, 0.2, 0.1]);
+    is(pattern(diffuse(), 0.0, false), [1.0; 3]);
+    is(pattern(diffuse(), 2.0, true), [1.0; 3]);
+    is(pattern(Material { unlit: true, ..diffuse() }, 0.0, true), [1.0; 3]);
+    is(pattern(Material::glass("", Vec3::ONE, 1.5), 0.0, true), [1.0; 3]);
+    is(pattern(Material { alpha: Alpha::Blend, opacity: 0.5, ..diffuse() }, 0.0, true), [1.0; 3]);
+    // Where nothing is hit, nothing is divided either.
+    is(look(&Stage::new(1.0).tracer(), Vec3::ZERO, Vec3::X, &settings(Mode::Path, 1)).pattern, [1.0; 3]);
+}
+
 #[test]
 fn quad_light_matches_its_form_factor() {
     for side in [0.1, 1.0, 4.0] {
