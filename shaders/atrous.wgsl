@@ -2,6 +2,9 @@
 // read one of two images and write the other; the last one writes `filtered` too. Taps lie in the even directions, to the
 // sides.
 
+#ifdef ALBEDO
+#import albedo
+#endif
 #import color
 #import edge_pixel
 #import frame
@@ -17,13 +20,26 @@ struct Params {
 @group(0) @binding(2) var color: texture_2d<f32>;
 @group(0) @binding(3) var<storage, read> variance: array<f32>;
 @group(0) @binding(4) var<storage, read> n8: array<u32>;
+#ifdef ALBEDO
+@group(0) @binding(10) var<storage, read> albedo: array<u32>;
+#endif
 @group(0) @binding(5) var filtered: texture_storage_2d<rgba32float, write>;
 // Colour and variance.
 @group(0) @binding(6) var<storage, read_write> even: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> odd: array<vec4<f32>>;
-// Which taps of the next level can be reached: bit d for direction d.
+// Which taps of the next level can be reached: bit d for direction d. From ALBEDO_SHIFT on, the code of the albedo.
 @group(0) @binding(8) var<storage, read_write> even_reach: array<u32>;
 @group(0) @binding(9) var<storage, read_write> odd_reach: array<u32>;
+
+// The variance of a pixel's light, without the albedo.
+fn noise(p: u32) -> f32 {
+#ifdef ALBEDO
+    let share = luminance(decode_albedo(albedo[p]));
+    return variance[p] / (share * share);
+#else
+    return variance[p];
+#endif
+}
 
 // Variances are noisy themselves: each becomes the mean of those around that can be reached.
 @compute @workgroup_size(8, 8, 1)
@@ -33,7 +49,8 @@ fn prepare(@builtin(global_invocation_id) pixel: vec3<u32>) {
     }
     let p = pixel_index(pixel.xy);
     var taps = 0u;
-    var sum = OWN_WEIGHT * variance[p];
+    let own = noise(p);
+    var sum = OWN_WEIGHT * own;
     var weights = OWN_WEIGHT;
     for (var d = 0u; d < 8u; d += 2u) {
         let at = vec2<i32>(pixel.xy) + direction(d);
@@ -41,14 +58,21 @@ fn prepare(@builtin(global_invocation_id) pixel: vec3<u32>) {
             continue;
         }
         taps |= 1u << d;
-        let there = variance[pixel_index(vec2<u32>(at))];
+        let there = noise(pixel_index(vec2<u32>(at)));
         if there >= 0.0 {
             sum += there;
             weights += 1.0;
         }
     }
-    let smoothed = select(sum / weights, UNKNOWN, variance[p] < 0.0);
-    even[p] = vec4(textureLoad(color, pixel.xy, 0).rgb, smoothed);
+    let smoothed = select(sum / weights, UNKNOWN, own < 0.0);
+    var light = textureLoad(color, pixel.xy, 0).rgb;
+#ifdef ALBEDO
+    // A hole shows what it takes of others: it has no albedo of its own.
+    let code = select(albedo[p], NO_ALBEDO, own < 0.0);
+    light /= decode_albedo(code);
+    taps |= code << ALBEDO_SHIFT;
+#endif
+    even[p] = vec4(light, smoothed);
     even_reach[p] = taps;
 }
 
@@ -82,7 +106,10 @@ fn average(pixel: vec2<u32>, level: u32) {
     let tolerance = params.tolerance * params.tolerance;
     let scale = select(1.0 / tolerance / max(own.w, LEAST_VARIANCE), 0.0, is_hole);
     let taps = load_reach(is_even, p);
-    var reach = 0u;
+    var reach = taps & ALBEDO_BITS;
+#ifdef ALBEDO
+    var albedos = vec4(0.0);
+#endif
     for (var d = 0u; d < 8u; d += 2u) {
         let at = vec2<i32>(pixel) + direction(d) * (1 << level);
         if ((taps >> d) & 1u) == 0u || is_outside(at) {
@@ -100,7 +127,18 @@ fn average(pixel: vec2<u32>, level: u32) {
         sum += tap * there.rgb;
         weights += tap;
         spread += tap * tap * there.w;
+#ifdef ALBEDO
+        if is_hole {
+            albedos += vec4(decode_albedo(load_reach(is_even, q) >> ALBEDO_SHIFT), 1.0);
+        }
+#endif
     }
+#ifdef ALBEDO
+    // What a hole shows has the mean albedo of what it takes.
+    if albedos.w > 0.0 {
+        reach |= encode_albedo(albedos.rgb / albedos.w) << ALBEDO_SHIFT;
+    }
+#endif
     var result = own;
     if weights > 0.0 {
         result = vec4(sum / weights, spread / (weights * weights));
@@ -113,6 +151,9 @@ fn average(pixel: vec2<u32>, level: u32) {
         even_reach[p] = reach;
     }
     if level + 1u == params.levels {
+#ifdef ALBEDO
+        result = vec4(result.rgb * decode_albedo(reach >> ALBEDO_SHIFT), result.w);
+#endif
         textureStore(filtered, pixel, vec4(result.rgb, textureLoad(color, pixel, 0).a));
     }
 }

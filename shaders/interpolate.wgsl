@@ -1,6 +1,9 @@
 // Colours every pixel from the samples in its 5x5 pixels that no edge separates from it, and computes how much a new
 // sample there is worth.
 
+#ifdef ALBEDO
+#import albedo
+#endif
 #import cloud
 #import color
 #import edge_pixel
@@ -49,6 +52,11 @@ const SIDE: u32 = GROUP + 2u * REACH;
 #endif
 #ifdef UNCERTAIN
 @group(0) @binding(12) var<storage, read> cloud_record: array<vec4<f32>>;
+#endif
+
+#ifdef ALBEDO
+@group(0) @binding(13) var<storage, read> albedos: array<vec2<u32>>;
+@group(0) @binding(14) var<storage, read_write> albedo: array<u32>;
 #endif
 
 // The samples of the tile and around it: radiance, and the cell in the pixel; -1 if there is none.
@@ -224,6 +232,48 @@ fn interpolate(
     priority[p] = uncertain(priority[p], pixel, id[p], scatter);
 #endif
 }
+
+#ifdef ALBEDO
+// The mean albedo of the samples around each pixel, with the same weights. A pass of its own, since devices limit what one
+// may bind.
+@compute @workgroup_size(16, 16, 1)
+fn mean_albedo(
+    @builtin(global_invocation_id) pixel: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    if lane < CELLS * SPAN {
+        axis[lane] = axis_weight(lane);
+    }
+    workgroupBarrier();
+    if any(pixel.xy >= frame.size) {
+        return;
+    }
+    let p = pixel_index(pixel.xy);
+    let counts = taps(p);
+    let shift = params.subpixel_bits / 2u;
+    let mask = (1u << shift) - 1u;
+    var sum = vec4(0.0);
+    for (var dy = 0u; dy < SPAN; dy++) {
+        for (var dx = 0u; dx < SPAN; dx++) {
+            let at = vec2<i32>(pixel.xy + vec2(dx, dy)) - i32(REACH);
+            if ((counts >> (SPAN * dy + dx)) & 1u) == 0u || is_outside(at) {
+                continue;
+            }
+            let q = pixel_index(vec2<u32>(at));
+            if id[q] == NO_POINT {
+                continue;
+            }
+            let cell = subpixel[q];
+            let weight = axis[(cell & mask) * SPAN + dx] * axis[((cell >> shift) & mask) * SPAN + dy];
+            sum += weight * vec4(unpack_mean(albedos[id[q]]), 1.0);
+        }
+    }
+    albedo[p] = NO_ALBEDO;
+    if sum.w > 0.0 {
+        albedo[p] = encode_albedo(sum.rgb / sum.w);
+    }
+}
+#endif
 
 #ifdef UNCERTAIN
 // The priority of a pixel, given that by age and emptiness.

@@ -33,5 +33,6 @@ struct Sample {
     normal: u32,
     // The share of itself by which the radiance may change per radian of the viewer's direction.
     sharpness: f32,
-    pad: u32,
+    // The share of light that a textured surface scatters, as a code of `albedo`.
+    albedo: u32,
 }

@@ -16,14 +16,15 @@ use epigraph_core::{
     Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, View, choice, constants, params, texel,
 };
 use fearless_simd::{Simd, dispatch, f32x8, i32x8, prelude::*, u32x8};
-use rayon::prelude::*;
+use rayon::{iter::Either, prelude::*};
 
 pub use crate::fill::Priority;
 use crate::{
     column,
     fill::with_points,
-    meaning::{self, CELL, ID, POINTS, PRIORITY, RADIANCE, VARIANCE},
+    meaning::{self, ALBEDO_CODE, CELL, ID, POINT_ALBEDOS, POINTS, PRIORITY, RADIANCE, VARIANCE},
     shared::{
+        albedo::{NO_ALBEDO, code_of, unpack_mean},
         cloud::{AGE, NO_POINT, decode_radiance, gather, radiance_of},
         color::{luminance, luminances},
         edge_pixel::{CLASS, COMPLEX},
@@ -113,6 +114,14 @@ pub struct Interpolate {
     color: Out<texel::Rgba32Float>,
     priority: Out<u32>,
     noise: Option<Noise>,
+    pattern: Option<Pattern>,
+}
+
+/// The albedos of points, and the means of those around each pixel.
+#[derive(Clone, Copy)]
+struct Pattern {
+    albedos: In<[u32; 2]>,
+    albedo: Out<u32>,
 }
 
 /// What is needed to know how noisy colours are.
@@ -155,8 +164,16 @@ impl Stage for Interpolate {
             variance: params.variance.then(|| io.write("variance", VARIANCE, pixels())),
             record,
         });
+        let doc = "The mean albedo of each point's samples, if `albedo` is wanted.";
+        let pattern = io.optional("albedos", POINT_ALBEDOS.doc(doc), Extent::Any).map(|albedos| {
+            let doc = "The mean albedo of the samples, with the same weights; 0 without a sample.";
+            Pattern { albedos, albedo: io.write("albedo", ALBEDO_CODE.doc(doc), pixels()) }
+        });
         io.shader(shader!("interpolate"));
         io.constants(CONSTANTS);
+        if pattern.is_some() {
+            io.define("ALBEDO");
+        }
         if noise.is_some() {
             io.define("NOISE");
         }
@@ -167,7 +184,10 @@ impl Stage for Interpolate {
             io.define("UNCERTAIN");
         }
         io.dispatch("interpolate", color);
-        Self { radiance, meta, id, cls, r24, subpixel, color, priority, noise }
+        if let Some(Pattern { albedo, .. }) = pattern {
+            io.dispatch("mean_albedo", albedo);
+        }
+        Self { radiance, meta, id, cls, r24, subpixel, color, priority, noise, pattern }
     }
 
     fn cpu(&self, params: &InterpolateParams, cx: &CpuContext) -> Result<(), String> {
@@ -188,29 +208,40 @@ impl Stage for Interpolate {
             view: &cx.frame().view,
             size: [width as u32, height as u32],
         });
-        let image = Image { radiance, mean, id, subpixel, width, height, space: params.space };
+        let albedos = self.pattern.map(|pattern| cx.read(pattern.albedos));
+        let albedos = albedos.as_ref().map(|albedos| &albedos[..]);
+        let image = Image { radiance, mean, albedos, id, subpixel, width, height, space: params.space };
         let work = Work { image, weights, meta, points, cls, r24, rule: params.priority };
         let level = cx.level();
-        let fill =
-            |band: usize, color: &mut [[f32; 4]], priority: &mut [u32], variance: Option<&mut [f32]>| {
-                let outputs = Outputs { color, priority, variance };
-                dispatch!(level, simd => work.band(simd, band * BAND, outputs));
-            };
-        let bands = color.par_chunks_mut(width * BAND).zip(priority.par_chunks_mut(width * BAND)).enumerate();
-        if let Some(variance) = self.noise.and_then(|noise| noise.variance) {
-            let mut variance = cx.write(variance);
-            let bands = bands.zip(variance.par_chunks_mut(width * BAND));
-            bands.for_each(|((band, (color, priority)), variance)| {
-                fill(band, color, priority, Some(variance))
-            });
-        } else {
-            bands.for_each(|(band, (color, priority))| fill(band, color, priority, None));
-        }
+        let mut variance = self.noise.and_then(|noise| noise.variance).map(|variance| cx.write(variance));
+        let mut albedo = self.pattern.map(|pattern| cx.write(pattern.albedo));
+        let count = height.div_ceil(BAND);
+        let bands = color
+            .par_chunks_mut(width * BAND)
+            .zip(priority.par_chunks_mut(width * BAND))
+            .zip(bands_of(variance.as_deref_mut(), width * BAND, count))
+            .zip(bands_of(albedo.as_deref_mut(), width * BAND, count));
+        bands.enumerate().for_each(|(band, (((color, priority), variance), albedo))| {
+            let outputs = Outputs { color, priority, variance, albedo };
+            dispatch!(level, simd => work.band(simd, band * BAND, outputs));
+        });
         Ok(())
     }
 
     fn explain(&self, params: &InterpolateParams, site: &Site) -> Option<Vec<Finding>> {
         explain::at(self, params, site)
+    }
+}
+
+/// Bands of this length of an output, or as many times nothing.
+fn bands_of<T: Send>(
+    output: Option<&mut [T]>,
+    length: usize,
+    count: usize,
+) -> impl IndexedParallelIterator<Item = Option<&mut [T]>> {
+    match output {
+        Some(output) => Either::Left(output.par_chunks_mut(length).map(Some)),
+        None => Either::Right((0..count).into_par_iter().map(|_| None)),
     }
 }
 
@@ -271,13 +302,14 @@ struct Outputs<'a> {
     color: &'a mut [[f32; 4]],
     priority: &'a mut [u32],
     variance: Option<&'a mut [f32]>,
+    albedo: Option<&'a mut [u32]>,
 }
 
 impl Work<'_> {
     /// Computes the rows from `top` on.
     #[inline(always)]
     fn band<S: Simd>(&self, simd: S, top: usize, outputs: Outputs) {
-        let Outputs { color, priority, mut variance } = outputs;
+        let Outputs { color, priority, mut variance, mut albedo } = outputs;
         let width = self.image.width;
         let rows = top..top + color.len() / width;
         for left in (0..width).step_by(TILE) {
@@ -296,7 +328,7 @@ impl Work<'_> {
                 for x in columns.step_by(LANES) {
                     let (at, out) = (y * width + x, (y - top) * width + x);
                     let taps = taps_of(simd, padded(self.cls, at), padded(self.r24, at));
-                    let means = around.sum(simd, x - left, y, taps).over(simd, self.image.space);
+                    let means = around.sum(simd, x - left, y, taps, Row::rgb).over(simd, self.image.space);
                     let lanes = LANES.min(width - x);
                     store_vectors(simd, means, &mut color[out..][..lanes]);
                     let metas: &[u32; LANES] =
@@ -314,6 +346,10 @@ impl Work<'_> {
                         if let Some(variance) = &mut variance {
                             store(&found.to_array(), &mut variance[out..][..lanes]);
                         }
+                    }
+                    if let Some(albedo) = &mut albedo {
+                        let codes = around.albedo(simd, x - left, y, taps);
+                        store(&codes.to_array(), &mut albedo[out..][..lanes]);
                     }
                     store(&priorities.to_array(), &mut priority[out..][..lanes]);
                 }
@@ -428,6 +464,8 @@ struct Image<'a> {
     radiance: &'a [u32],
     /// The points' means with their variance, if that is wanted.
     mean: Option<&'a [[f32; 4]]>,
+    /// The points' albedos, if they are.
+    albedos: Option<&'a [[u32; 2]]>,
     id: &'a [u32],
     subpixel: &'a [u32],
     width: usize,
@@ -493,10 +531,13 @@ const GROUPS: [usize; COLUMNS.div_ceil(LANES)] = {
     groups
 };
 
+/// Red, green and blue of a row of samples.
+type Planes = [[f32; COLUMNS]; 3];
+
 /// A row of samples, as structures of arrays, so that neighbouring pixels are summed in parallel lanes.
 #[derive(Clone, Copy)]
 struct Row {
-    rgb: [[f32; COLUMNS]; 3],
+    rgb: Planes,
     /// The weight along x of each sample, seen from each offset; 0 if there is no sample.
     x: [[f32; COLUMNS]; SPAN],
     /// The weight along y.
@@ -504,6 +545,8 @@ struct Row {
     /// Luminance and its variance, if that is wanted.
     luminance: [f32; COLUMNS],
     variance: [f32; COLUMNS],
+    /// Red, green and blue of the albedo, likewise.
+    albedo: Planes,
 }
 
 impl Row {
@@ -513,7 +556,18 @@ impl Row {
         y: [[0.0; COLUMNS]; SPAN],
         luminance: [0.0; COLUMNS],
         variance: [0.0; COLUMNS],
+        albedo: [[0.0; COLUMNS]; 3],
     };
+
+    #[inline(always)]
+    fn rgb(&self) -> &Planes {
+        &self.rgb
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> &Planes {
+        &self.albedo
+    }
 }
 
 /// The values of eight columns.
@@ -549,6 +603,14 @@ impl Around {
         let (id, subpixel) = (&image.id[first..][..columns.len()], &image.subpixel[first..][..columns.len()]);
         let (mut radiance, mut ids, mut cells) = ([0; COLUMNS], [NO_POINT; COLUMNS], [0; COLUMNS]);
         gather(image.radiance, id, &mut radiance[columns.clone()]);
+        if let Some(albedos) = image.albedos {
+            let mut found = [[0; 2]; COLUMNS];
+            gather(albedos, id, &mut found[columns.clone()]);
+            for (column, found) in found.into_iter().enumerate() {
+                let [r, g, b] = unpack_mean(found);
+                (row.albedo[0][column], row.albedo[1][column], row.albedo[2][column]) = (r, g, b);
+            }
+        }
         ids[columns.clone()].copy_from_slice(id);
         cells[columns.clone()].copy_from_slice(subpixel);
         for first in GROUPS {
@@ -579,14 +641,21 @@ impl Around {
         }
     }
 
-    /// [`Image::sum_at`] of eight pixels of row `y`, from column `x` of the tile on.
+    /// [`Image::sum_at`] of eight pixels of row `y`, from column `x` of the tile on; of these planes.
     #[inline(always)]
-    fn sum<S: Simd>(&self, simd: S, x: usize, y: usize, taps: u32x8<S>) -> Sums<S> {
+    fn sum<S: Simd>(
+        &self,
+        simd: S,
+        x: usize,
+        y: usize,
+        taps: u32x8<S>,
+        planes: impl Fn(&Row) -> &Planes,
+    ) -> Sums<S> {
         // Far from all edges, as most pixels are, no tap needs a test.
         if taps.simd_eq(u32x8::splat(simd, ALL)).all_true() {
-            self.sum_of(simd, x, y, |_, weight| weight)
+            self.sum_of(simd, x, y, planes, |_, weight| weight)
         } else {
-            self.sum_of(simd, x, y, |tap, weight| {
+            self.sum_of(simd, x, y, planes, |tap, weight| {
                 f32x8::from_bits(if_odd(simd, taps >> tap as u32, weight.to_bits()))
             })
         }
@@ -599,6 +668,7 @@ impl Around {
         simd: S,
         x: usize,
         y: usize,
+        planes: impl Fn(&Row) -> &Planes,
         counted: impl Fn(usize, f32x8<S>) -> f32x8<S>,
     ) -> Sums<S> {
         assert!(x + LANES <= TILE, "eight pixels of a tile");
@@ -608,13 +678,21 @@ impl Around {
             for dx in 0..SPAN {
                 let of = |plane| lanes(simd, plane, x + dx);
                 let weight = counted(dy * SPAN + dx, of(&row.x[dx]) * of(&row.y[dy]));
-                for (sum, plane) in sums.iter_mut().zip(&row.rgb) {
+                for (sum, plane) in sums.iter_mut().zip(planes(row)) {
                     *sum += weight * of(plane);
                 }
                 sums[3] += weight;
             }
         }
         Sums(sums)
+    }
+
+    /// The codes of the mean albedos around eight pixels, as [`Around::sum`].
+    #[inline(always)]
+    fn albedo<S: Simd>(&self, simd: S, x: usize, y: usize, taps: u32x8<S>) -> u32x8<S> {
+        let Sums([r, g, b, weights]) = self.sum(simd, x, y, taps, Row::albedo);
+        let codes = code_of(simd, [r / weights, g / weights, b / weights]);
+        weights.simd_gt(f32x8::splat(simd, 0.0)).select(codes, u32x8::splat(simd, NO_ALBEDO))
     }
 
     /// The variance of the luminance of the colours of [`LANES`] pixels, in the linear space. Samples are independent;
@@ -696,9 +774,11 @@ fn compressed<S: Simd>(simd: S, color: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
 mod tests {
     use epigraph_core::{Harness, View};
     use fearless_simd::Level;
+    use glam::Vec3;
 
     use super::*;
     use crate::shared::{
+        albedo::{decode_albedo, encode_albedo, pack_mean},
         cloud::{AGE_ONE, LIVE, MAX_RADIANCE, encode_radiance},
         edge_pixel::{EMPTY, SIMPLE},
         source::Ray,
@@ -728,6 +808,8 @@ mod tests {
         harness.set("r24", &pixels.iter().map(|pixel| pixel.r24).collect::<Vec<_>>());
         let cell = |pixel: &Pixel| pixel.sample.map_or(0, |sample| sample.2);
         harness.set("subpixel", &pixels.iter().map(cell).collect::<Vec<_>>());
+        let albedos = samples.iter().map(|sample| pack_mean(albedo_of_color(sample.0)));
+        harness.set("albedos", &albedos.chain([[0; 2]]).collect::<Vec<_>>());
         // A cloud has at least one slot.
         let none = [0].into_iter().filter(|_| samples.is_empty());
         let radiance = samples.iter().map(|sample| encode_radiance(sample.0)).chain(none.clone());
@@ -745,6 +827,11 @@ mod tests {
         harness
             .set("cloud.meta", &samples.iter().map(|sample| sample.1 | LIVE).chain(none).collect::<Vec<_>>());
         harness
+    }
+
+    /// Of each sample in these tests: 0.9 less a tenth of its colour's channels.
+    fn albedo_of_color(color: [f32; 3]) -> [f32; 3] {
+        color.map(|channel| (0.9 - 0.1 * channel).clamp(0.1, 0.9))
     }
 
     fn binomial() -> InterpolateParams {
@@ -957,6 +1044,7 @@ mod tests {
                 let image = Image {
                     radiance: &radiance,
                     mean: None,
+                    albedos: None,
                     id: &id,
                     subpixel: &subpixel,
                     width,
@@ -1020,6 +1108,52 @@ mod tests {
         // A single one is as uncertain as it is bright.
         close(variance(&[sample(3.0, -1.0), OPEN, OPEN])[1], 9.0);
         assert_eq!(variance(&[OPEN; 3]), [UNKNOWN; 3]);
+    }
+
+    #[test]
+    fn albedos_have_the_weights_of_the_colours() {
+        let pixels = [Some(([1.0, 2.0, 3.0], 0, CENTER)), None, Some(([4.0, 0.0, 5.0], 0, CENTER))];
+        let pixels = pixels.map(|sample| Pixel { sample, ..OPEN });
+        let codes = |pixels: &[Pixel]| {
+            let both = run_both(&mut harness(binomial(), [3, 1], pixels));
+            both.assert_equal::<u32>("albedo");
+            both.cpu.get::<u32>("albedo")
+        };
+        // Weights 6 and 1, 4 and 4, 1 and 6, of (0.8, 0.7, 0.6) and (0.5, 0.9, 0.4).
+        let mean = |near: f32, far: f32| {
+            let (near, far) = (near / (near + far), far / (near + far));
+            encode_albedo(near * Vec3::new(0.8, 0.7, 0.6) + far * Vec3::new(0.5, 0.9, 0.4))
+        };
+        assert_eq!(codes(&pixels), [mean(6.0, 1.0), mean(4.0, 4.0), mean(1.0, 6.0)]);
+        // Only the sample that the pixel reaches.
+        let mut apart = pixels;
+        apart[0].r24 = 0;
+        assert_eq!(codes(&apart)[0], mean(1.0, 0.0));
+        // Without a sample, none is known.
+        assert_eq!(codes(&[OPEN; 3]), [NO_ALBEDO; 3]);
+    }
+
+    /// Colours that are a multiple of their albedos are it still, whatever the weights: so dividing one mean by the other
+    /// leaves light without textures.
+    #[test]
+    fn both_sides_average_albedos_as_colours() {
+        let mut pixels = random_image([67, 40], 4.0);
+        for (color, ..) in pixels.iter_mut().filter_map(|pixel| pixel.sample.as_mut()) {
+            // Of an albedo of 0.9 - 0.1 c, 9 - c is ten times.
+            let grey = color[0].clamp(0.0, 4.0);
+            *color = [grey; 3];
+        }
+        let both = run_both(&mut harness(InterpolateParams::default(), [67, 40], &pixels));
+        for out in [&both.cpu, &both.gpu] {
+            let colors = out.get::<[f32; 4]>("color");
+            for (code, color) in out.get::<u32>("albedo").into_iter().zip(colors) {
+                assert_eq!(code == NO_ALBEDO, color[3] == 0.0);
+                // The mean of 0.9 - 0.1 c is 0.9 less a tenth of that of c: up to one code of the root.
+                let expected = 0.9 - 0.1 * color[0];
+                let error = decode_albedo(code)[0].sqrt() - expected.sqrt();
+                assert!(color[3] == 0.0 || error.abs() < 0.6 / 255.0 + 0.002, "{code:x} {expected}");
+            }
+        }
     }
 
     #[test]

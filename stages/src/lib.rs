@@ -34,6 +34,7 @@ macro_rules! shader {
 }
 
 pub mod age;
+pub mod albedo;
 pub mod antialias;
 pub mod atrous;
 pub mod carry;
@@ -82,6 +83,7 @@ use epigraph_core::{Registry, ShaderModule, wgsl_kind};
 pub fn registry() -> Registry {
     let registry = Registry::default()
         .with::<age::Age>()
+        .with::<albedo::Albedo>()
         .with::<antialias::Antialias>()
         .with::<atrous::Atrous>()
         .with::<carry::Carry>()
@@ -119,6 +121,7 @@ pub fn registry() -> Registry {
         registry.with_module(ShaderModule::new(*path, *text).from_file(file))
     });
     registry
+        .with_constants("albedo", shared::albedo::CONSTANTS)
         .with_constants("cloud", shared::cloud::CONSTANTS)
         .with_constants("edge_pixel", shared::edge_pixel::CONSTANTS)
         .with_constants("estimate", shared::estimate::CONSTANTS)

@@ -41,6 +41,8 @@ epigraph_core::meanings! {
     ];
     /// The slot of each sample, 0xFFFFFFFF for none.
     SLOT = "slot", [POINT];
+    /// The mean albedo of each point's samples, 16 bits a channel.
+    POINT_ALBEDOS = "albedos of points";
     /// The number of samples that entered the cloud.
     ARRIVED = "arrived samples", [Rule::count_of("samples")];
     /// Live points of each whole age.
@@ -82,6 +84,8 @@ epigraph_core::meanings! {
     NORMAL = "normal";
     /// The share of light that a surface scatters; alpha 1, or all 0 for none.
     ALBEDO = "albedo", [AMOUNT];
+    /// Albedos as the squares of 8 bits a channel, red in the low ones; 0 for none.
+    ALBEDO_CODE = "albedo code", [Rule::bits(24, 8, 0)];
     /// Radiance that a surface emits.
     EMISSION = "emission", [AMOUNT];
     /// Perceptual roughness, 0 to 1.

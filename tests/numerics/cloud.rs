@@ -8,6 +8,7 @@ use epigraph_core::{
 };
 use epigraph_stages::{
     age::{Age, AgeParams},
+    albedo::Albedo,
     carry::{Carry, CarryParams},
     image_id::{Ids, ImageId, ImageIdParams},
     integrate::{Integrate, IntegrateParams},
@@ -33,6 +34,7 @@ pub static ROWS: Group = LazyLock::new(|| {
         || ages().into(),
         || vec![slots()],
         || samples().into(),
+        || vec![albedos()],
         || moved().into(),
         || vec![shadowed()],
     ])
@@ -598,6 +600,74 @@ fn moved() -> [Row; 2] {
         }
     }
     [moved.row(), lit.row()]
+}
+
+/// Mean albedos of points, whose colours have joined `count` samples (section 12.3).
+fn albedos() -> Row {
+    let mut measure = Measure::within(
+        "albedo",
+        "mean albedo of a point",
+        "counts of 1 to 2^20, below 1 and negative; 1 to 70,000 samples, with and without slots",
+        "f64",
+        0.6,
+        Unit::Of("1/65535"),
+    );
+    let mut random = Random(7);
+    for count in [1, 50, 70_000] {
+        let record: Vec<[f32; 4]> = (0..count)
+            .map(|_| {
+                let counts = [
+                    1.0,
+                    random.between(0.001, 1.0),
+                    random.between(1.0, 9.0),
+                    random.between(1.0, 1048576.0),
+                ];
+                let sign = if random.below(3) == 0 { -1.0 } else { 1.0 };
+                [0.0, 0.0, 1.0, sign * counts[random.below(4) as usize]]
+            })
+            .collect();
+        let mut sampled = |hit: u32| -> Vec<Sample> {
+            let hits = |random: &mut Random| if hit > 0 { hit } else { random.below(3) };
+            (0..count)
+                .map(|_| Sample {
+                    hit: hits(&mut random),
+                    albedo: random.bits() & 0xFF_FFFF,
+                    ..Sample::default()
+                })
+                .collect()
+        };
+        let [first, samples] = [sampled(1), sampled(0)];
+        let all: Vec<u32> = (0..count as u32).collect();
+        let some: Vec<u32> = all.iter().map(|&i| if i % 5 == 4 { NONE } else { i }).collect();
+        let mut harness = Harness::<Albedo>::new((), &settings([1, 1], 1));
+        harness.set("cloud.record", &vec![[0.0f32, 0.0, 1.0, 1.0]; count]);
+        harness.set("samples", &first);
+        harness.set("slots", &all);
+        let before = both(&mut harness);
+        harness.set("cloud.record", &record);
+        harness.set("samples", &samples);
+        harness.set("slots", &some);
+        let codes = |[rg, b]: [u32; 2]| [rg & 0xFFFF, rg >> 16, b].map(f64::from);
+        for ((side, outputs), (_, before)) in sides(&both(&mut harness)).into_iter().zip(sides(&before)) {
+            let before = before.get::<[u32; 2]>("albedos");
+            let mut worst = 0f64;
+            for (i, got) in outputs.get::<[u32; 2]>("albedos").into_iter().enumerate() {
+                let share = match some[i] {
+                    NONE => 0.0,
+                    _ if samples[i].hit == 0 => 0.0,
+                    _ => 1.0 / f64::from(record[i][3].abs().max(1.0)),
+                };
+                let code = if samples[i].albedo == 0 { 0xFF_FFFF } else { samples[i].albedo };
+                for (lane, (before, got)) in codes(before[i]).into_iter().zip(codes(got)).enumerate() {
+                    let root = f64::from(code >> (8 * lane) & 255) / 255.0;
+                    let own = 65535.0 * (root * root).max(0.05);
+                    worst = worst.max((before + (own - before) * share - got).abs());
+                }
+            }
+            measure.record(side, &format!("{count} samples"), worst, 3 * count);
+        }
+    }
+    measure.row()
 }
 
 /// Points that age as a body moves between them and their light.

@@ -27,6 +27,7 @@ pub(super) fn at(stage: &Interpolate, params: &InterpolateParams, site: &Site) -
     let image = Image {
         radiance: &radiance,
         mean: None,
+        albedos: None,
         id: &id,
         subpixel: &subpixel,
         width,

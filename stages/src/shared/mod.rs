@@ -1,5 +1,6 @@
 //! Shared by several stages: element types, codecs and helpers, mirrored by `shaders/shared/`.
 
+pub mod albedo;
 pub mod cloud;
 pub mod color;
 pub mod edge_pixel;

@@ -65,8 +65,9 @@ epigraph_core::item! {
         /// Roughly the share of itself by which the radiance may change if it is seen from a direction one radian away;
         /// 0 for a diffuse surface.
         sharpness: f32,
-        /// Pads the size to a multiple of 16 bytes.
-        pad: u32,
+        /// The share of light that the surface scatters, as a code of [`albedo`](super::albedo), where a texture varies it;
+        /// [`PLAIN`](super::albedo::PLAIN) elsewhere.
+        albedo: u32,
     }
 }
 

@@ -15,6 +15,7 @@ use epigraph_scenes::{AsyncTracer, Hit, Job, Rng, Scene, TaggedHit, TaggedJob, T
 use glam::Vec3;
 
 use super::{
+    albedo::{PLAIN, divisible, encode_albedo},
     octahedral::{NO_NORMAL, encode_oct16},
     requests::{HIT_BACKGROUND, HIT_SURFACE, NO_PIXEL, Request, Sample, VIEW_LATE, VIEW_NOW, VIEW_PREDICTED},
 };
@@ -167,6 +168,7 @@ impl Sample {
             reuse,
             view,
             normal: NO_NORMAL,
+            albedo: PLAIN,
             ..Self::default()
         }
     }
@@ -183,6 +185,7 @@ impl Sample {
             variance: hit.variance,
             normal: encode_oct16(hit.normal),
             sharpness: hit.sharpness,
+            albedo: encode_albedo(divisible(hit.pattern)),
             ..Self::surface(request, hit.position, hit.radiance)
         }
     }

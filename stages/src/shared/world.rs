@@ -193,6 +193,32 @@ mod tests {
     }
 
     #[test]
+    fn samples_have_the_albedo_of_textures() {
+        use super::super::albedo::{PLAIN, divisible, encode_albedo};
+        let scene = Arc::new(Scene::load("still-life").unwrap());
+        let world = World::new(Arc::new(Tracer::new(scene.clone())), Pace::Exact, 1);
+        let frame = World::frame_of(&CameraPath::parse("still", &scene).unwrap(), 3, SIZE, 4, 7);
+        let requests: Vec<Request> = (0..SIZE[0] * SIZE[1]).map(request).collect();
+        let settings = TraceSettings { spp: 1, ..TraceSettings::default() };
+        let mut samples = vec![Sample::default(); requests.len()];
+        world.answer(&frame, &requests, &settings, &mut samples);
+        let query = Query { frame: &frame, settings: &settings, tracer: &world.tracer, requests: &[] };
+        let (mut textured, mut plain) = (0, 0);
+        for (sample, request) in samples.iter().zip(&requests) {
+            let ray = query.ray(request);
+            let hit = world.tracer.surface(ray.origin, ray.direction, ray.near);
+            if sample.albedo == PLAIN {
+                plain += 1;
+            } else {
+                let albedo = hit.expect("there is a texture").albedo;
+                assert_eq!(sample.albedo, encode_albedo(divisible(albedo)));
+                textured += 1;
+            }
+        }
+        assert!(textured > 1000 && plain > 50, "{textured} of textures, {plain} others");
+    }
+
+    #[test]
     fn samples_of_background_threads_say_that_they_are_late() {
         let (scene, World { tracer, .. }) = world();
         let world = World::new(tracer, Pace::Async, 1);
