@@ -5,8 +5,9 @@ use std::sync::{Arc, Mutex};
 
 use epigraph::{Image, Pace, Place, Query, Run, Sample, SampleSource, Samples};
 use epigraph_core::testing::Random;
-use epigraph_scenes::{Camera, Scene};
-use glam::Vec3;
+use epigraph_scenes::{Camera, Map, Maps, Material, Scene, SceneBuilder, Shape, Texture};
+use epigraph_stages::shared::albedo::{PLAIN, decode_albedo, encode_albedo};
+use glam::{Vec2, Vec3};
 
 /// A wall at z = -1, lit by paths of which one in [`ONE_IN`] carries light. Their mean is [`LIGHT`], and another one from
 /// frame [`SWITCHED`] on.
@@ -79,10 +80,13 @@ fn start(size: [u32; 2], share: f64, then: f32) -> Run {
 fn start_with(source: impl SampleSource + 'static, size: [u32; 2], share: f64) -> Run {
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 1.0, 0.1, 100.0);
     let nothing = Scene::empty("nothing", camera, [Vec3::NEG_ONE, Vec3::ONE]);
-    let place = Place::new(Arc::new(nothing), "still").unwrap();
+    start_at(&Place::new(Arc::new(nothing), "still").unwrap(), source, size, share)
+}
+
+fn start_at(place: &Place, source: impl SampleSource + 'static, size: [u32; 2], share: f64) -> Run {
     Run::open("epi-filtered")
         .unwrap()
-        .at(&place)
+        .at(place)
         .source(source)
         .size(size)
         .samples(Samples::Share(share))
@@ -178,4 +182,66 @@ fn tiles_hardly_ever_take_noise_for_a_change() {
         println!("{alarms} of {tiles} at {share}");
         assert!(alarms * 1000 <= tiles, "{alarms} of {tiles} at {share}");
     }
+}
+
+/// The same paths on a wall of stripes, whose samples say which albedo they have, or not.
+struct Stripes {
+    paths: Paths,
+    tells: bool,
+}
+
+/// Width of a stripe in pixels. Stripes begin between two pixels.
+const STRIPE: u32 = 4;
+
+/// The albedo of the wall in a column of pixels.
+fn stripe(x: u32) -> f32 {
+    let code = encode_albedo(Vec3::splat(if (x / STRIPE).is_multiple_of(2) { 0.8 } else { 0.5 }));
+    decode_albedo(code)[0]
+}
+
+impl SampleSource for Stripes {
+    fn answer(&self, query: &Query, samples: &mut [Sample]) {
+        self.paths.answer(query, samples);
+        for (sample, request) in samples.iter_mut().zip(query.requests()) {
+            let share = stripe(request.target(SIZE[0])[0] as u32);
+            sample.radiance = sample.radiance.map(|channel| channel * share);
+            sample.variance *= share * share;
+            sample.albedo = if self.tells { encode_albedo(Vec3::splat(share)) } else { PLAIN };
+        }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace::Exact
+    }
+}
+
+/// The root mean square error of the picture of the stripes.
+fn error_of_stripes(tells: bool) -> f64 {
+    let mut builder = SceneBuilder::new();
+    let texture = Texture { name: String::new(), size: [1, 1], texels: vec![[255; 4]] };
+    let maps = Maps { color: Some(Map::new(builder.texture(&Arc::new(texture)))), ..Maps::default() };
+    let material = builder.material(Material { maps, ..Material::diffuse("", Vec3::ONE) });
+    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, y]| Vec3::new(x, y, -1.0));
+    let wall = Shape::quad(corners).with_uvs(|_| Vec2::ZERO);
+    builder.add(&wall, material).unwrap();
+    let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, 1.0, 0.1, 100.0);
+    let scene = builder.build("stripes", camera, Vec3::ZERO, 0.0, 40.0).unwrap();
+    let place = Place::new(Arc::new(scene), "still").unwrap();
+    let mut run = start_at(&place, Stripes { paths: Paths { then: LIGHT }, tells }, SIZE, 0.1);
+    run.frames(20).unwrap();
+    let color: Image<[f32; 4]> = run.read("antialias.color").unwrap();
+    let errors = color
+        .pixels
+        .iter()
+        .zip(0..)
+        .map(|(color, pixel)| f64::from(color[0] - LIGHT * stripe(pixel % SIZE[0])).powi(2));
+    (errors.sum::<f64>() / color.pixels.len() as f64).sqrt()
+}
+
+/// Samples that know their albedo leave the texture as sharp as the points show it.
+#[test]
+fn a_texture_survives_the_filter() {
+    let [without, with] = [false, true].map(error_of_stripes);
+    println!("{without:.4} without albedos, {with:.4} with them");
+    assert!(with < 0.6 * without, "{with} against {without}");
 }

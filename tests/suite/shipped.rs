@@ -65,16 +65,18 @@ fn a_tap_is_the_port_of_its_name_whether_or_not_the_camera_moves() {
                         }
                         Err(problems) => {
                             assert!(problems.to_string().contains("does not exist now"), "{problems}");
-                            assert!(!moves, "{name}: {tap}");
-                            missing.push(tap.clone());
+                            missing.push((tap.clone(), moves));
                         }
                     }
                 }
             }
         }
-        // What `dither` needs for the predicted view only.
-        let asks = whole.nodes.iter().any(|node| node.kind == "dither");
-        let is_needless = |tap: &String| tap.ends_with("request.cell_tiles");
-        assert!(missing.len() == usize::from(asks) && missing.iter().all(is_needless), "{name}: {missing:?}");
+        // What `dither` needs for the predicted view only, and what `interpolate` tells of textures: there are none.
+        let has = |kind: &str| usize::from(whole.nodes.iter().any(|node| node.kind == kind));
+        let is_needless = |(tap, moves): &(String, bool)| {
+            tap.ends_with("request.cell_tiles") && !moves || tap == "interpolate.albedo"
+        };
+        let count = has("dither") + 2 * has("albedo");
+        assert!(missing.len() == count && missing.iter().all(is_needless), "{name}: {missing:?}");
     }
 }

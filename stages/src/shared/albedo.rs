@@ -39,7 +39,7 @@ pub fn encode_albedo(albedo: Vec3) -> u32 {
     r | g << 8 | b << 16
 }
 
-/// The albedo of a code, at least [`FAINTEST`].
+/// The albedo of a code, at least `FAINTEST`.
 pub fn decode_albedo(code: u32) -> [f32; 3] {
     let code = if code == NO_ALBEDO { PLAIN } else { code };
     [code & 255, code >> 8 & 255, code >> 16 & 255].map(|code| {
