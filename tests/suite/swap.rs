@@ -92,14 +92,14 @@ fn shipped_graphs_with_random_changes_are_the_same_in_full() {
         let base = graph(name);
         let plain = picture(&base);
         let (mut compiled, mut different) = (0, 0);
-        for step in 0..24 {
+        for step in 0..32 {
             let count = step.min(1 + random.below(3));
             let changes: Vec<Change> =
                 (0..count).filter_map(|_| random_change(&base, &registry, &mut random)).collect();
             let pieces: Vec<String> = changes.iter().map(Change::piece).collect();
             let what = format!("{name}+{}", pieces.join("+"));
-            let file = changed(base.clone(), &changes, &registry).unwrap_or_else(|p| panic!("{what}: {p}"));
-            // Some wires do not fit, and some values need others.
+            // Copies of a node have the same wires, some wires do not fit, and some values need others.
+            let Ok(file) = changed(base.clone(), &changes, &registry) else { continue };
             let settings = Settings::new([40, 32], 200, facts(true));
             if epigraph_core::compile(&file, &registry, &settings).is_err() {
                 continue;
@@ -115,7 +115,7 @@ fn shipped_graphs_with_random_changes_are_the_same_in_full() {
         }
         println!("{name}: {compiled} compiled, {different} gave another picture");
         assert!(
-            compiled > 10 && different > 1,
+            compiled > 10 && different > 2,
             "{name}: {compiled} compiled, {different} gave another picture"
         );
     }
