@@ -107,6 +107,7 @@ impl Stage for Atrous {
         let (color, variance) = (&cx.read(self.color)[..], &cx.read(self.variance)[..]);
         let n8 = &cx.read(self.n8)[..];
         let filtered = &mut cx.write(self.filtered)[..];
+        // Colours that are certain stay as they are.
         if variance.iter().all(|&variance| variance == 0.0) {
             filtered.copy_from_slice(color);
             return Ok(());
@@ -313,7 +314,7 @@ impl<'a> Planes<'a> {
     }
 
     /// A row after the next level, whose taps are `step` pixels away. Squared differences of colours are multiplied by
-    /// `scale`, to be the square of the tolerance at 1 variance.
+    /// `scale`, which is 1 / tolerance²: over a pixel's variance, that makes them 1 at the tolerance.
     #[inline(always)]
     fn average<S: Simd, const HAS_ALBEDO: bool>(
         &self,
@@ -402,8 +403,8 @@ impl<S: Simd> Sums<S> {
         let ([own_r, own_g, own_b, _], [r, g, b, variance]) = (self.own.channels, tap.channels);
         let aside = [(r - own_r).abs(), (g - own_g).abs(), (b - own_b).abs()];
         let difference = luminances(simd, aside);
-        let unlike = one - difference * difference * self.scale;
-        let like = unlike.simd_gt(zero).select(unlike, zero);
+        let like = one - difference * difference * self.scale;
+        let like = like.simd_gt(zero).select(like, zero);
         // A tap counts if it can be reached, and is no hole.
         let counts = (self.own.reach >> d as u32) & !(variance.to_bits() >> 31);
         let weight = f32x8::from_bits(if_odd(simd, counts, (like * like).to_bits()));
@@ -490,8 +491,8 @@ impl Row<'_> {
                 [r, g, b] = [r * albedo[0], g * albedo[1], b * albedo[2]];
             }
             let [.., alpha] = load_transposed(simd, &padded(color, x));
-            let lanes = LANES.min(to.len() - x);
-            store_vectors(simd, [r, g, b, alpha], &mut to[x..][..lanes]);
+            let count = LANES.min(to.len() - x);
+            store_vectors(simd, [r, g, b, alpha], &mut to[x..][..count]);
         }
     }
 }

@@ -322,7 +322,7 @@ impl Work<'_> {
             let mut around = Around::new();
             for y in rows.start..rows.end + 2 * REACH {
                 around.load(simd, &self.image, &self.weights, left, y);
-                // The row of which this is the last one around.
+                // This row completes the surroundings of one above it.
                 if y < rows.start + 2 * REACH {
                     continue;
                 }
@@ -708,9 +708,7 @@ impl Around {
     fn noise<S: Simd>(&self, simd: S, x: usize, y: usize, taps: u32x8<S>) -> [f32x8<S>; 2] {
         assert!(x + LANES <= TILE, "eight pixels of a tile");
         let splat = |number: f32| f32x8::splat(simd, number);
-        // Sums of weights and squared weights; of squared weights times variances, where these are known; of the other
-        // squared weights; of luminances and their squares.
-        let mut sums = [splat(0.0); 6];
+        let mut sums = Scatter::none(simd);
         for dy in 0..SPAN {
             let row = &self.rows[(y + dy) % SPAN];
             for dx in 0..SPAN {
@@ -718,29 +716,70 @@ impl Around {
                 let (luminance, variance) = (of(&row.luminance), of(&row.variance));
                 let weight = (of(&row.x[dx]) * of(&row.y[dy])).to_bits();
                 let weight = f32x8::from_bits(if_odd(simd, taps >> (dy * SPAN + dx) as u32, weight));
-                let weight = weight / splat(FULL);
-                let squared = weight * weight;
-                let weighted = weight * luminance;
-                // The variance is unknown where it is negative.
-                let is_unknown = (variance.to_bits() >> 31).simd_ne(u32x8::splat(simd, 0));
-                sums[0] += weight;
-                sums[1] += squared;
-                sums[2] += is_unknown.select(splat(0.0), squared * variance);
-                sums[3] += is_unknown.select(squared, splat(0.0));
-                sums[4] += weighted;
-                sums[5] += weighted * luminance;
+                sums.add_sample(simd, weight / splat(FULL), luminance, variance);
             }
         }
-        let [weights, squared, known, unknown, luminances, squares] = sums;
-        let all = weights * weights;
-        let mean = luminances / weights;
-        let between = (squares / weights - mean * mean).max_precise(splat(0.0));
+        let [mean, variance] = sums.one_of(simd);
+        let is_there = sums.weights.simd_gt(splat(0.0));
+        let shown = is_there.select(shown_variance(mean, variance), splat(f32::MAX));
+        [is_there.select(sums.variance_of_mean(variance), splat(UNKNOWN)), shown]
+    }
+}
+
+/// Sums over samples of eight pixels, from which follow the variances of their weighted means.
+struct Scatter<S: Simd> {
+    weights: f32x8<S>,
+    squared_weights: f32x8<S>,
+    /// Of squared weights times variances, where these are known.
+    known: f32x8<S>,
+    /// Of squared weights of the other samples.
+    unknown: f32x8<S>,
+    luminance: f32x8<S>,
+    squared_luminance: f32x8<S>,
+}
+
+impl<S: Simd> Scatter<S> {
+    #[inline(always)]
+    fn none(simd: S) -> Self {
+        let zero = f32x8::splat(simd, 0.0);
+        Self {
+            weights: zero,
+            squared_weights: zero,
+            known: zero,
+            unknown: zero,
+            luminance: zero,
+            squared_luminance: zero,
+        }
+    }
+
+    /// Adds a sample to each; its variance is unknown where it is negative.
+    #[inline(always)]
+    fn add_sample(&mut self, simd: S, weight: f32x8<S>, luminance: f32x8<S>, variance: f32x8<S>) {
+        let (squared, zero) = (weight * weight, f32x8::splat(simd, 0.0));
+        let is_unknown = (variance.to_bits() >> 31).simd_ne(u32x8::splat(simd, 0));
+        self.weights += weight;
+        self.squared_weights += squared;
+        self.known += is_unknown.select(zero, squared * variance);
+        self.unknown += is_unknown.select(squared, zero);
+        self.luminance += weight * luminance;
+        self.squared_luminance += weight * luminance * luminance;
+    }
+
+    /// Mean luminance and variance of one of these samples. A single one is as uncertain as it is bright.
+    #[inline(always)]
+    fn one_of(&self, simd: S) -> [f32x8<S>; 2] {
+        let splat = |number: f32| f32x8::splat(simd, number);
+        let mean = self.luminance / self.weights;
+        let between = (self.squared_luminance / self.weights - mean * mean).max_precise(splat(0.0));
         // From the variance in these samples to that of which they are samples.
-        let share = splat(1.0) - squared / all;
-        let of_one = share.simd_gt(splat(LEAST_SHARE)).select(between / share, mean * mean);
-        let is_there = weights.simd_gt(splat(0.0));
-        let found = is_there.select((known + unknown * of_one) / all, splat(UNKNOWN));
-        [found, is_there.select(shown_variance(mean, of_one), splat(f32::MAX))]
+        let share = splat(1.0) - self.squared_weights / (self.weights * self.weights);
+        [mean, share.simd_gt(splat(LEAST_SHARE)).select(between / share, mean * mean)]
+    }
+
+    /// The variance of the mean of independent samples. Those that do not know their own have that of one of them.
+    #[inline(always)]
+    fn variance_of_mean(&self, of_one: f32x8<S>) -> f32x8<S> {
+        (self.known + self.unknown * of_one) / (self.weights * self.weights)
     }
 }
 
@@ -1114,6 +1153,81 @@ mod tests {
         // A single one is as uncertain as it is bright.
         close(variance(&[sample(3.0, -1.0), OPEN, OPEN])[1], 9.0);
         assert_eq!(variance(&[OPEN; 3]), [UNKNOWN; 3]);
+    }
+
+    /// The variance of the luminance of a pixel's colour: the rule that [`Around::noise`] computes for eight.
+    fn variance_at(image: &Image, weights: &Weights, pixel: [usize; 2], taps: u32) -> f32 {
+        let [mut sum, mut squares, mut known, mut unknown, mut luminances, mut squared] = [0.0f32; 6];
+        for (tap, [dx, dy]) in offsets().enumerate() {
+            let Some((weight, _)) = image.tap(weights, pixel, [dx, dy]) else { continue };
+            if taps >> tap & 1 == 0 {
+                continue;
+            }
+            let at = (pixel[1] as i32 + dy) as usize * image.width + (pixel[0] as i32 + dx) as usize;
+            let [r, g, b, variance] = image.mean.expect("given")[image.id[at] as usize];
+            let (weight, luminance) = (weight / FULL, luminance([r, g, b]));
+            sum += weight;
+            squares += weight * weight;
+            if variance < 0.0 {
+                unknown += weight * weight;
+            } else {
+                known += weight * weight * variance;
+            }
+            luminances += weight * luminance;
+            squared += weight * luminance * luminance;
+        }
+        if sum == 0.0 {
+            return UNKNOWN;
+        }
+        let mean = luminances / sum;
+        let share = 1.0 - squares / (sum * sum);
+        let of_one = match share > LEAST_SHARE {
+            true => (squared / sum - mean * mean).max(0.0) / share,
+            false => mean * mean,
+        };
+        (known + unknown * of_one) / (sum * sum)
+    }
+
+    #[test]
+    fn variances_of_several_pixels_equal_those_at_each_pixel() {
+        for (size, kernel) in
+            [([1, 1], Kernel::Gaussian), ([67, 3], Kernel::Binomial), ([151, 70], Kernel::Gaussian)]
+        {
+            let params = InterpolateParams { kernel, variance: true, ..Default::default() };
+            let mut pixels = random_image(size, 4.0);
+            // One in three does not know its variance: see `harness`.
+            let ages = pixels.iter_mut().filter_map(|pixel| pixel.sample.as_mut());
+            ages.enumerate().for_each(|(index, sample)| sample.1 = if index % 3 == 0 { 0 } else { sample.1 });
+            let found = run_cpu(&mut harness(params.clone(), size, &pixels)).get::<f32>("variance");
+
+            let samples: Vec<_> = pixels.iter().filter_map(|pixel| pixel.sample).collect();
+            let radiance: Vec<u32> = samples.iter().map(|sample| encode_radiance(sample.0)).collect();
+            let mean = samples.iter().map(|&([r, g, b], age, _)| [r, g, b, age as f32 / 100.0 - 1.0]);
+            let mean: Vec<[f32; 4]> = mean.collect();
+            let mut next = 0..;
+            let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
+            let id: Vec<u32> = pixels.iter().map(id).collect();
+            let cell = |pixel: &Pixel| pixel.sample.map_or(0, |sample| sample.2);
+            let subpixel: Vec<u32> = pixels.iter().map(cell).collect();
+            let [width, height] = size.map(|along| along as usize);
+            let space = Space::Linear;
+            let image = Image {
+                radiance: &radiance,
+                mean: Some(&mean),
+                albedos: None,
+                id: &id,
+                subpixel: &subpixel,
+                width,
+                height,
+                space,
+            };
+            let weights = Weights::new(&params);
+            for (p, found) in found.into_iter().enumerate() {
+                let taps = taps(pixels[p].cls, pixels[p].r24);
+                let expected = variance_at(&image, &weights, [p % width, p / width], taps);
+                assert_eq!(found.to_bits(), expected.to_bits(), "pixel {p} of {size:?}: {found} {expected}");
+            }
+        }
     }
 
     #[test]
