@@ -842,27 +842,53 @@ mod tests {
     const CENTER: u32 = 8 * 16 + 8;
     const OPEN: Pixel = Pixel { sample: None, cls: EMPTY, r24: 0xFF_FFFF };
 
+    /// The samples of pixels, as points in reading order.
+    struct Samples {
+        radiance: Vec<u32>,
+        /// With their variances: their ages, in percent, less 1; below 0 they are unknown.
+        mean: Vec<[f32; 4]>,
+        id: Vec<u32>,
+        subpixel: Vec<u32>,
+    }
+
+    impl Samples {
+        fn of(pixels: &[Pixel]) -> Self {
+            let samples = || pixels.iter().filter_map(|pixel| pixel.sample);
+            let mut next = 0..;
+            let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
+            Self {
+                radiance: samples().map(|(color, ..)| encode_radiance(color)).collect(),
+                mean: samples().map(|([r, g, b], age, _)| [r, g, b, age as f32 / 100.0 - 1.0]).collect(),
+                id: pixels.iter().map(id).collect(),
+                subpixel: pixels.iter().map(|pixel| pixel.sample.map_or(0, |sample| sample.2)).collect(),
+            }
+        }
+
+        fn image(&self, size: [u32; 2], space: Space) -> Image<'_> {
+            let [width, height] = size.map(|along| along as usize);
+            let Self { radiance, mean, id, subpixel } = self;
+            Image { radiance, mean: Some(mean), albedos: None, id, subpixel, width, height, space }
+        }
+    }
+
     fn harness(params: InterpolateParams, size: [u32; 2], pixels: &[Pixel]) -> Harness<Interpolate> {
         let samples: Vec<_> = pixels.iter().filter_map(|pixel| pixel.sample).collect();
-        let mut next = 0..;
-        let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
+        let known = Samples::of(pixels);
         let (has_means, is_uncertain) = (params.variance || params.uncertain, params.uncertain);
         let mut harness = Harness::new(params, &settings(size, 0));
-        harness.set("id", &pixels.iter().map(id).collect::<Vec<u32>>());
+        harness.set("id", &known.id);
         harness.set("cls", &pixels.iter().map(|pixel| pixel.cls).collect::<Vec<_>>());
         harness.set("r24", &pixels.iter().map(|pixel| pixel.r24).collect::<Vec<_>>());
-        let cell = |pixel: &Pixel| pixel.sample.map_or(0, |sample| sample.2);
-        harness.set("subpixel", &pixels.iter().map(cell).collect::<Vec<_>>());
+        harness.set("subpixel", &known.subpixel);
         let albedos = samples.iter().map(|sample| pack_mean(albedo_of_color(sample.0)));
         harness.set("albedos", &albedos.chain([[0; 2]]).collect::<Vec<_>>());
         // A cloud has at least one slot.
         let none = [0].into_iter().filter(|_| samples.is_empty());
-        let radiance = samples.iter().map(|sample| encode_radiance(sample.0)).chain(none.clone());
+        let radiance = known.radiance.into_iter().chain(none.clone());
         harness.set("cloud.radiance", &radiance.collect::<Vec<_>>());
         if has_means {
-            // Of each sample: its age, in percent, or unknown.
-            let mean = samples.iter().map(|&([r, g, b], age, _)| [r, g, b, age as f32 / 100.0 - 1.0]);
-            harness.set("cloud.mean", &mean.chain(none.clone().map(|_| [0.0; 4])).collect::<Vec<_>>());
+            let mean = known.mean.into_iter().chain(none.clone().map(|_| [0.0; 4]));
+            harness.set("cloud.mean", &mean.collect::<Vec<_>>());
         }
         if is_uncertain {
             // Seen as they are now by the middle of a narrow view.
@@ -1078,24 +1104,9 @@ mod tests {
                 let pixels = random_image(size, brightest);
                 let out = run_cpu(&mut harness(params.clone(), size, &pixels));
 
-                let samples: Vec<_> = pixels.iter().filter_map(|pixel| pixel.sample).collect();
-                let radiance: Vec<u32> = samples.iter().map(|sample| encode_radiance(sample.0)).collect();
-                let mut next = 0..;
-                let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
-                let id: Vec<u32> = pixels.iter().map(id).collect();
-                let subpixel: Vec<u32> =
-                    pixels.iter().map(|pixel| pixel.sample.map_or(0, |sample| sample.2)).collect();
-                let [width, height] = size.map(|along| along as usize);
-                let image = Image {
-                    radiance: &radiance,
-                    mean: None,
-                    albedos: None,
-                    id: &id,
-                    subpixel: &subpixel,
-                    width,
-                    height,
-                    space,
-                };
+                let samples = Samples::of(&pixels);
+                let image = samples.image(size, space);
+                let width = image.width;
                 let weights = Weights::new(&params);
                 for (p, found) in out.get::<[f32; 4]>("color").into_iter().enumerate() {
                     let taps = taps(pixels[p].cls, pixels[p].r24);
@@ -1195,32 +1206,14 @@ mod tests {
         {
             let params = InterpolateParams { kernel, variance: true, ..Default::default() };
             let mut pixels = random_image(size, 4.0);
-            // One in three does not know its variance: see `harness`.
+            // One in three does not know its variance: see `Samples`.
             let ages = pixels.iter_mut().filter_map(|pixel| pixel.sample.as_mut());
             ages.enumerate().for_each(|(index, sample)| sample.1 = if index % 3 == 0 { 0 } else { sample.1 });
             let found = run_cpu(&mut harness(params.clone(), size, &pixels)).get::<f32>("variance");
 
-            let samples: Vec<_> = pixels.iter().filter_map(|pixel| pixel.sample).collect();
-            let radiance: Vec<u32> = samples.iter().map(|sample| encode_radiance(sample.0)).collect();
-            let mean = samples.iter().map(|&([r, g, b], age, _)| [r, g, b, age as f32 / 100.0 - 1.0]);
-            let mean: Vec<[f32; 4]> = mean.collect();
-            let mut next = 0..;
-            let id = |pixel: &Pixel| pixel.sample.map_or(NO_POINT, |_| next.next().unwrap_or(NO_POINT));
-            let id: Vec<u32> = pixels.iter().map(id).collect();
-            let cell = |pixel: &Pixel| pixel.sample.map_or(0, |sample| sample.2);
-            let subpixel: Vec<u32> = pixels.iter().map(cell).collect();
-            let [width, height] = size.map(|along| along as usize);
-            let space = Space::Linear;
-            let image = Image {
-                radiance: &radiance,
-                mean: Some(&mean),
-                albedos: None,
-                id: &id,
-                subpixel: &subpixel,
-                width,
-                height,
-                space,
-            };
+            let samples = Samples::of(&pixels);
+            let image = samples.image(size, Space::Linear);
+            let width = image.width;
             let weights = Weights::new(&params);
             for (p, found) in found.into_iter().enumerate() {
                 let taps = taps(pixels[p].cls, pixels[p].r24);
