@@ -311,6 +311,11 @@ mod tests {
         io.write::<u32>("out", "numbers", Extent::Frame(1));
     });
 
+    fn plan(text: &str, registry: &Registry, samples: u32) -> Plan {
+        let file = GraphFile::parse("test.ron", text).unwrap();
+        compile(&file, registry, &Settings::new([4, 4], samples, Facts::none())).unwrap().1
+    }
+
     const GRAPH: &str = r#"Graph(version: 1, nodes: {
         "sum": (kind: "sum", inputs: { "before": "sum.sum" }),
         "see": (kind: "see", inputs: { "sum": "sum.sum" }),
@@ -322,9 +327,7 @@ mod tests {
     fn what_a_frame_without_samples_leaves_has_the_numbers_of_the_frame_before() {
         use Due::{Repeat, Run, Skip};
         let registry = Registry::default().with::<Sum>().with::<See>().with::<Wait>().with::<Both>();
-        let file = GraphFile::parse("test.ron", GRAPH).unwrap();
-        let settings = Settings::new([4, 4], 1, Facts::none());
-        let (_, plan) = compile(&file, &registry, &settings).unwrap();
+        let plan = plan(GRAPH, &registry, 1);
         let mut versions = Versions::new(&plan);
         let node = |name| plan.nodes.position(|node| node.name == name).unwrap();
         let sum = plan.nodes[node("sum")].first_writes[0];
@@ -376,8 +379,7 @@ mod tests {
             "add": (kind: "add", inputs: { "list": "keep.one" }),
             "grow": (kind: "grow", inputs: { "list": "add.list" }),
         }, outputs: { "image": "grow.list" })"#;
-        let file = GraphFile::parse("test.ron", text).unwrap();
-        let (_, plan) = compile(&file, &registry, &Settings::new([4, 4], 0, Facts::none())).unwrap();
+        let plan = plan(text, &registry, 0);
         let mut versions = Versions::new(&plan);
         let [add, grow] = ["add", "grow"].map(|name| plan.nodes.position(|node| node.name == name).unwrap());
         // `add` changes the list while there are samples, and in the first frame without.
@@ -418,8 +420,7 @@ mod tests {
             "keep": (kind: "keep"),
             "take": (kind: "take", inputs: { "one": "keep.one", "other": "keep.other" }),
         }, outputs: { "image": "take.out" })"#;
-        let file = GraphFile::parse("test.ron", text).unwrap();
-        let (_, plan) = compile(&file, &registry, &Settings::new([4, 4], 0, Facts::none())).unwrap();
+        let plan = plan(text, &registry, 0);
         let mut versions = Versions::new(&plan);
         let keep = plan.nodes.position(|node| node.name == "keep").unwrap();
         let [one, other] = [0, 1].map(|at| plan.nodes[keep].first_writes[at]);
