@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Times frames of two versions of the program in turn, and what OpenCV and OIDN take for the same pictures, and writes
-figures.csv and table.md beside this file.
+"""Times frames of two versions of the program in turn, and what OpenCV and OIDN take for the same pictures, writes
+figures.csv beside this file, and prints a table in Markdown.
 
     pip install opencv-python-headless pyoidn numpy OpenEXR
     tests/versus/versus.py BEFORE/epigraph AFTER/epigraph
@@ -48,7 +48,7 @@ def main():
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    (HERE / "table.md").write_text(table(rows))
+    print(table(rows), end="")
 
 
 def versions(args, scene, size, threads):
