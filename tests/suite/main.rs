@@ -7,6 +7,7 @@ mod epi;
 mod experiments;
 mod exposure;
 mod extremes;
+mod ghosts;
 mod library;
 mod measures;
 mod memory;
