@@ -20,7 +20,7 @@ use crate::{
         cloud::NO_POINT,
         edge_pixel::VALID,
         lanes::{LANES, bits},
-        nearer::{self, BAND, SPAN, is_inside, where_nearer},
+        nearer::{self, BAND, SPAN, is_inside, where_changed, where_nearer},
     },
 };
 
@@ -92,18 +92,20 @@ impl Stage for ReachCull {
         let (width, height) = (dims.width as usize, dims.height as usize);
 
         let level = cx.level();
-        let pass = |from: &[u32], to: &mut [u32]| {
-            let scale = 1.0 + params.threshold;
-            let samples = Samples { id: from, depth, r24, width, height, scale, level };
-            to.par_chunks_mut(width * BAND).enumerate().for_each(|(band, to)| samples.cull(band * BAND, to));
-        };
         for number in 0..params.passes {
-            match (number, writes_id(number, params.passes)) {
-                (0, true) => pass(kept, id),
-                (0, false) => pass(kept, spare),
-                (_, true) => pass(spare, id),
-                (_, false) => pass(id, spare),
-            }
+            let (id, to) = match (number, writes_id(number, params.passes)) {
+                (0, true) => (kept, &mut *id),
+                (0, false) => (kept, &mut *spare),
+                (_, true) => (&*spare, &mut *id),
+                (_, false) => (&*id, &mut *spare),
+            };
+            // Later passes write where the samples of the pass before the last are.
+            let before = (number == 1).then_some(kept);
+            let scale = 1.0 + params.threshold;
+            let samples = Samples { id, depth, r24, width, height, scale, level };
+            to.par_chunks_mut(width * BAND)
+                .enumerate()
+                .for_each(|(band, to)| samples.cull(band * BAND, before, to));
         }
         if params.passes == 0 {
             id.copy_from_slice(kept);
@@ -140,15 +142,24 @@ struct Samples<'a> {
 
 impl Samples<'_> {
     /// The samples of the rows from `top` on for which [`Samples::is_behind`] does not hold.
-    fn cull(&self, top: usize, to: &mut [u32]) {
-        dispatch!(self.level, simd => self.cull_in(simd, top, to));
+    /// `before`: those that the pass before judged, if known.
+    fn cull(&self, top: usize, before: Option<&[u32]>, to: &mut [u32]) {
+        dispatch!(self.level, simd => self.cull_in(simd, top, before, to));
     }
 
-    /// [`Samples::cull`]. Tests only those with a clearly nearer one around them.
+    /// [`Samples::cull`]. Tests only those with a clearly nearer one around them, or with one that the pass before dropped.
     #[inline(always)]
-    fn cull_in<S: Simd>(&self, simd: S, top: usize, to: &mut [u32]) {
+    fn cull_in<S: Simd>(&self, simd: S, top: usize, before: Option<&[u32]>, to: &mut [u32]) {
         to.copy_from_slice(&self.id[top * self.width..][..to.len()]);
         let rows = top..top + to.len() / self.width;
+        if let Some(before) = before {
+            // Pixels without a sample stay as they are in any case.
+            where_changed([self.width, self.height], rows, before, self.id, |x, y| {
+                let all = (1u32 << LANES.min(self.width - x)) - 1;
+                self.cull_group(simd, [x, y], all as u8, top, to);
+            });
+            return;
+        }
         let distances = |pixels: Range<usize>, distances: &mut [f32]| {
             let given = self.id[pixels.clone()].iter().zip(&self.depth[pixels]);
             for (distance, (&id, &depth)) in distances.iter_mut().zip(given) {
@@ -158,11 +169,17 @@ impl Samples<'_> {
             }
         };
         where_nearer([self.width, self.height], rows, self.scale, distances, |x, y, wanted| {
-            let behind = self.are_behind(simd, x, y, wanted);
-            for lane in (0..LANES).filter(|lane| behind >> lane & 1 != 0) {
-                to[(y - top) * self.width + x + lane] = NO_POINT;
-            }
+            self.cull_group(simd, [x, y], wanted, top, to);
         });
+    }
+
+    /// Drops those of the wanted ones of [`LANES`] pixels that are behind, in rows from `top` on.
+    #[inline(always)]
+    fn cull_group<S: Simd>(&self, simd: S, [x, y]: [usize; 2], wanted: u8, top: usize, to: &mut [u32]) {
+        let behind = self.are_behind(simd, x, y, wanted);
+        for lane in (0..LANES).filter(|lane| behind >> lane & 1 != 0) {
+            to[(y - top) * self.width + x + lane] = NO_POINT;
+        }
     }
 
     /// [`Samples::is_behind`] for those of [`LANES`] pixels that are wanted, as bits.

@@ -25,7 +25,7 @@ pub(super) fn at(stage: &ReachCull, params: &ReachCullParams, site: &Site) -> Op
     let mut pass = 0;
     while pass + 1 < params.passes {
         let mut next = vec![NO_POINT; left.len()];
-        Samples { id: &left, depth: &depth, r24: &r24, width, height, scale, level }.cull(0, &mut next);
+        Samples { id: &left, depth: &depth, r24: &r24, width, height, scale, level }.cull(0, None, &mut next);
         if next[at] == NO_POINT {
             break;
         }

@@ -89,8 +89,100 @@ pub fn where_nearer(
     }
 }
 
+/// Finds the pixels of some rows with one in their 5x5 pixels at which two images differ, and some others: calls `each` with
+/// column and row of the first of [`LANES`] pixels.
+///
+/// A pass of a cull judges a point by the points around. If the pass before has left these as they were, it has judged
+/// the point by the same ones, and the judgement stays. So only where that pass dropped something there is anything to do.
+#[inline(always)]
+pub fn where_changed(
+    [width, height]: [usize; 2],
+    rows: Range<usize>,
+    before: &[u32],
+    after: &[u32],
+    mut each: impl FnMut(usize, usize),
+) {
+    for left in (0..width).step_by(BLOCK) {
+        // Which groups of row `last` - REACH are near a change in that row; at index `last` modulo SPAN.
+        let mut groups_of_rows = [0; SPAN];
+        for last in rows.start..rows.end + 2 * REACH {
+            groups_of_rows[last % SPAN] = if (REACH..height + REACH).contains(&last) {
+                changed_groups(width, left, last - REACH, before, after)
+            } else {
+                0
+            };
+            if last < rows.start + 2 * REACH {
+                continue;
+            }
+            let mut groups = groups_of_rows.iter().fold(0, |all, groups| all | groups);
+            while groups != 0 {
+                each(left + groups.trailing_zeros() as usize * LANES, last - 2 * REACH);
+                groups &= groups - 1;
+            }
+        }
+    }
+}
+
+/// A bit for each group of [`LANES`] pixels in the block that begins at column `left` of a row: whether the group or one beside
+/// it differs in two images.
+#[inline(always)]
+fn changed_groups(width: usize, left: usize, y: usize, before: &[u32], after: &[u32]) -> u32 {
+    let columns = left.saturating_sub(LANES)..(left + BLOCK + LANES).min(width);
+    let pixels = y * width + columns.start..y * width + columns.end;
+    let (before, after) = (&before[pixels.clone()], &after[pixels]);
+    // Most rows of a block are as before.
+    if before == after {
+        return 0;
+    }
+    // From the group beside the block on, where there is one.
+    let first = (left - columns.start) / LANES;
+    let groups = before.chunks(LANES).zip(after.chunks(LANES)).enumerate();
+    let differs =
+        groups.fold(0u32, |bits, (group, (before, after))| bits | u32::from(before != after) << group);
+    let near = differs << 1 | differs | differs >> 1;
+    let inside = (width - left).div_ceil(LANES).min(BLOCK / LANES);
+    near >> first & ((1 << inside) - 1)
+}
+
 /// Whether all 5x5 pixels around each of [`LANES`] pixels, of which the first is at (x, y), are in the image.
 #[inline(always)]
 pub fn is_inside([width, height]: [usize; 2], x: usize, y: usize) -> bool {
     (REACH..).contains(&x) && x + LANES + REACH <= width && (REACH..).contains(&y) && y + REACH < height
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shared::testing::Random;
+
+    #[test]
+    fn changes_are_found_from_all_pixels_around() {
+        let mut random = Random(7);
+        for [width, height] in [[1, 1], [7, 3], [8, 40], [63, 5], [64, 9], [65, 33], [150, 70]] {
+            for changes in [0, 1, 2, 9] {
+                let before = vec![5; width * height];
+                let mut after = before.clone();
+                (0..changes).for_each(|_| after[random.below((width * height) as u32) as usize] = 6);
+                let is_changed = |x: usize, y: usize| before[y * width + x] != after[y * width + x];
+                let changed_within = |[x, y]: [usize; 2], aside: usize| {
+                    let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(height);
+                    let columns = x.saturating_sub(aside)..(x + aside + 1).min(width);
+                    rows.into_iter().any(|y| columns.clone().any(|x| is_changed(x, y)))
+                };
+                let mut found = vec![0; width * height];
+                for top in (0..height).step_by(BAND) {
+                    let rows = top..(top + BAND).min(height);
+                    where_changed([width, height], rows, &before, &after, |x, y| {
+                        assert!(x.is_multiple_of(LANES));
+                        (x..width.min(x + LANES)).for_each(|x| found[y * width + x] += 1);
+                    });
+                }
+                for (at, found) in found.into_iter().enumerate() {
+                    let pixel = [at % width, at / width];
+                    let (least, most) = (changed_within(pixel, REACH), changed_within(pixel, 2 * LANES - 1));
+                    assert!(found <= 1 && (found == 1 || !least) && (found == 0 || most), "{pixel:?}");
+                }
+            }
+        }
+    }
 }
