@@ -748,7 +748,28 @@ impl<'a> Checker<'a> {
         taps: Vec<(Source, FlatPort)>,
     ) -> Bypassed {
         let mut bypassed = Bypassed { wires, outputs, taps, why: HashMap::new() };
+        // What a needless stage needed may be needless without it.
+        let refused = loop {
+            let before = bypassed.why.len();
+            let refused = self.bypass_once(made, &mut bypassed);
+            if bypassed.why.len() == before {
+                break refused;
+            }
+        };
+        for (index, reason) in refused {
+            let span = self.flat.nodes[index].def.name.span;
+            self.problem(index, span, None, GraphError::Invalid(format!("cannot be bypassed: {reason}")));
+        }
+        bypassed
+    }
+
+    /// Bypasses nodes whose output nothing else needs. Returns those that the file bypasses and that have to stay, and why.
+    fn bypass_once(&self, made: &IndexVec<FlatId, Made>, bypassed: &mut Bypassed) -> Vec<(FlatId, String)> {
+        let mut refused = Vec::new();
         for (index, stage) in made.iter_enumerated() {
+            if bypassed.why.contains_key(&index) {
+                continue;
+            }
             let asked = self.flat.nodes[index].def.bypass;
             let needless =
                 if self.settings.prune { stage.stage.needless(&self.settings.facts) } else { None };
@@ -757,27 +778,19 @@ impl<'a> Checker<'a> {
                 (false, Some(why)) => why.to_owned(),
                 (false, None) => continue,
             };
-            match step_over(made, &bypassed, index, asked) {
+            match step_over(made, bypassed, index, asked) {
                 Ok((wires, outputs, taps)) => {
                     bypassed.wires = wires;
                     bypassed.outputs = outputs;
                     bypassed.taps = taps;
                     bypassed.why.insert(index, why);
                 }
+                Err(reason) if asked => refused.push((index, reason)),
                 // A stage that the scene makes needless stays if something still needs its output.
-                Err(_) if !asked => {}
-                Err(reason) => {
-                    let span = self.flat.nodes[index].def.name.span;
-                    self.problem(
-                        index,
-                        span,
-                        None,
-                        GraphError::Invalid(format!("cannot be bypassed: {reason}")),
-                    );
-                }
+                Err(_) => {}
             }
         }
-        bypassed
+        refused
     }
 
     /// Declares the stages again whose optional inputs lost their source to a bypass. Such a stage may have fewer ports

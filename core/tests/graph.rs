@@ -102,6 +102,15 @@ stage!(
 );
 stage!(Guess, "guess", |io| io.write::<u32>("out", "a guess", Extent::Frame(2)),
     needless: |facts| (facts.holds(CAMERA_MOVES) == Some(false)).then_some("the camera does not move"));
+stage!(
+    Turn,
+    "turn",
+    |io| {
+        io.read::<u32>("guess", "a guess", Extent::Any);
+        io.update::<f32>("data", "changed in place", Extent::Any);
+    },
+    needless: |facts| (facts.holds(CAMERA_MOVES) == Some(false)).then_some("the camera does not move")
+);
 stage!(Maybe, "maybe", |io| {
     io.read::<f32>("in", "numbers", Extent::Any);
     io.optional::<u32>("hint", "may be missing", Extent::Any);
@@ -305,6 +314,7 @@ fn registry() -> Registry {
         .with::<Moving>()
         .with::<Guess>()
         .with::<Maybe>()
+        .with::<Turn>()
         .with::<Choosy>()
         .with::<Tell>()
         .with::<Helper>()
@@ -446,6 +456,13 @@ fn the_scene_decides_what_is_left_out() {
     assert_eq!(plan.nodes.len(), 4);
     // What something still asks for stays, needless or not.
     assert_eq!(order(nodes, "guess.out"), ["guess"]);
+    // That it is asked for by what is needless itself is no reason.
+    let nodes = r#"
+        "source": (kind: "source"),
+        "guess": (kind: "guess"),
+        "turn": (kind: "turn", inputs: { "data": "source.out", "guess": "guess.out" }),
+        "maybe": (kind: "maybe", inputs: { "in": "turn.data", "hint": "guess.out" }),"#;
+    assert_eq!(order(nodes, "maybe.out"), ["source", "maybe"]);
 }
 
 #[test]
