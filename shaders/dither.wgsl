@@ -7,6 +7,7 @@
 #import frame
 #import index
 #import pixel
+#import random
 #import requests
 #import scan
 #import view
@@ -73,12 +74,6 @@ fn budget() -> u32 {
 // 32 pseudorandom bits, different in each frame and run.
 fn hash(value: u32) -> u32 {
     return pcg(value ^ pcg(frame.index ^ pcg(frame.seed)));
-}
-
-fn pcg(value: u32) -> u32 {
-    let bits = value * 747796405u + 2891336453u;
-    let word = ((bits >> ((bits >> 28u) + 4u)) ^ bits) * 277803737u;
-    return (word >> 22u) ^ word;
 }
 
 // Position of the n-th pixel of a tile: the even bits of n are x, the odd ones y.
@@ -353,7 +348,7 @@ fn scan_pixels(@builtin(local_invocation_index) lane: u32) {
 // Where in a pixel its sample should go.
 fn aim_of(pixel: u32) -> u32 {
     if params.aim == AIM_RANDOM {
-        return hash(pixel);
+        return hash(pixel) & ~SPREAD;
     }
 #ifdef AIM
     return aim[pixel];

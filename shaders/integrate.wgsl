@@ -8,6 +8,7 @@
 #import requests
 #import estimate
 #import octahedral
+#import renewal
 #ifdef ACCUMULATE
 #import view
 #endif
@@ -151,7 +152,10 @@ fn insert(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
 #else
     cloud_radiance[slot] = encode_radiance(samples[index].radiance);
 #endif
-    cloud_position[slot] = vec4(samples[index].position, select(0.0, 1.0, is_point));
+    // One that is spread over the pixel renews the point where it lies, which is where classes need it.
+    if !is_spread(samples[index]) {
+        cloud_position[slot] = vec4(samples[index].position, select(0.0, 1.0, is_point));
+    }
     cloud_image_id[slot] = NOT_DRAWN;
     cloud_meta[slot] = LIVE | FRESH | (samples[index].body << BODY_SHIFT);
     dates[slot] = frame.index + 1u;
@@ -168,7 +172,7 @@ fn is_renewal(index: u32) -> bool {
     if point >= arrayLength(&cloud_meta) || (cloud_meta[point] & LIVE) == 0u {
         return false;
     }
-    return samples[index].view == VIEW_NOW || (samples[index].view == VIEW_LATE && renews(index, point));
+    return samples[index].view == VIEW_NOW || (samples[index].view == VIEW_LATE && is_on_surface_of(samples[index], cloud_meta[point], cloud_position[point]));
 }
 
 // Whether the point that a sample was requested to renew is live and had a different colour.
@@ -202,7 +206,7 @@ fn single(index: u32) -> Estimate {
 // The estimate of the point in a slot with a sample that takes the slot.
 fn estimate_with(index: u32, slot: u32) -> Estimate {
     let alone = single(index);
-    if samples[index].reuse != slot || !renews(index, slot) {
+    if samples[index].reuse != slot || !is_on_surface_of(samples[index], cloud_meta[slot], cloud_position[slot]) {
         return alone;
     }
     let before = load_estimate(cloud_mean[slot], cloud_record[slot]);
@@ -211,18 +215,6 @@ fn estimate_with(index: u32, slot: u32) -> Estimate {
     return joined(doubted(before, change, most), alone);
 }
 #endif
-
-// Whether a sample was taken on the surface of the point that it was requested to renew. The slot of a late one may hold
-// another point by now.
-fn renews(index: u32, slot: u32) -> bool {
-    let point = cloud_position[slot];
-    let pixel = 2.0 * frame.previous.tan_x / f32(frame.size.x);
-    return samples[index].hit == HIT_SURFACE && point.w != 0.0
-        && (cloud_meta[slot] & LIVE) != 0u && (cloud_meta[slot] >> BODY_SHIFT) == samples[index].body
-        && on_surface(point.xyz, samples[index].position, samples[index].normal, frame.previous.eye, pixel)
-        && (samples[index].view != VIEW_LATE
-            || in_line(point.xyz, samples[index].position, frame.previous.eye, pixel));
-}
 
 // Stamps the 7 x 7 pixels around one, clipped to the image.
 fn stamp_around(index: u32) {

@@ -1,7 +1,12 @@
 // Chooses the slots of the cloud that new samples take over. Twin: `stages/src/replace.rs`.
 
 #import cloud
+#import color
+#import estimate
+#import frame
 #import index
+#import octahedral
+#import renewal
 #import requests
 #import scan
 
@@ -9,7 +14,8 @@ struct Params {
     reuse: u32,
 }
 
-@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(11) var<uniform> params: Params;
+@group(0) @binding(12) var<storage, read> cloud_position: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read> cloud_meta: array<u32>;
 @group(0) @binding(2) var<storage, read> samples: array<Sample>;
 @group(0) @binding(3) var<storage, read> histogram: array<u32>;
@@ -39,7 +45,7 @@ fn claim(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
         return;
     }
     oldest[index] = NO_POINT;
-    if params.reuse != 0u && renews(index) {
+    if renews(index) {
         atomicMin(&claims[samples[index].reuse], index);
     }
 }
@@ -51,7 +57,7 @@ fn count_samples(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
     for (var index = range.x + lane; index < range.y; index += SCAN_THREADS) {
         if wins(index) {
             atomicAdd(&claimed[age(cloud_meta[samples[index].reuse])], 1u);
-        } else if samples[index].hit != HIT_NONE {
+        } else if needs(index) {
             need += 1u;
         }
     }
@@ -135,7 +141,7 @@ fn assign(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         var needing = false;
         if index < range.y {
             renewing = wins(index);
-            needing = !renewing && samples[index].hit != HIT_NONE;
+            needing = !renewing && needs(index);
         }
         let scan = workgroup_scan(lane, u32(needing));
         if index < range.y {
@@ -154,15 +160,21 @@ fn assign(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
 // Whether a sample renews a live point.
 fn renews(index: u32) -> bool {
     let slot = samples[index].reuse;
-    if samples[index].hit == HIT_NONE || slot >= arrayLength(&cloud_meta) {
+    if params.reuse == 0u || samples[index].hit == HIT_NONE || slot >= arrayLength(&cloud_meta) {
         return false;
     }
-    return (cloud_meta[slot] & LIVE) != 0u;
+    let meta_bits = cloud_meta[slot];
+    return (meta_bits & LIVE) != 0u && may_replace(samples[index], meta_bits, cloud_position[slot]);
+}
+
+// Whether a sample takes any slot, if it does not get that of its point.
+fn needs(index: u32) -> bool {
+    return samples[index].hit != HIT_NONE && !is_spread(samples[index]);
 }
 
 // Whether a sample takes the slot of the point that it renews.
 fn wins(index: u32) -> bool {
-    if params.reuse == 0u || !renews(index) {
+    if !renews(index) {
         return false;
     }
     return atomicLoad(&claims[samples[index].reuse]) == index;

@@ -33,7 +33,7 @@ mod tests {
             (E1, "compact mesh shadow_edges silhouette"),
             (E2, "edge_raster"),
             (I1, "classify"),
-            (I2, "antialias fill interpolate reach reach_cull spread subdivide"),
+            (I2, "antialias fill interpolate reach reach_cull refine spread subdivide"),
             (TRACE, "trace"),
         ];
         let registry = crate::registry();

@@ -39,7 +39,8 @@ use crate::{
     predict::{self, CELL},
     shared::{
         cloud::NO_POINT,
-        requests::{PIXEL_CENTER, Request, VIEW_NOW, VIEW_PREDICTED},
+        random::pcg,
+        requests::{PIXEL_CENTER, Request, SPREAD, VIEW_NOW, VIEW_PREDICTED},
     },
 };
 
@@ -320,21 +321,14 @@ fn ask_predicted(frame: &Frame, pixel: u32, noise: u32) -> Request {
 fn ask_pixel(frame: &Frame, aim: Aim, pixel: u32, id: &[u32], aims: Option<&[u32]>) -> Request {
     let aim = match aim {
         Aim::Center => aims.map_or(PIXEL_CENTER, |aims| aims[pixel as usize]),
-        Aim::Random => hash(frame, pixel),
+        Aim::Random => hash(frame, pixel) & !SPREAD,
     };
     Request { pixel, aim, reuse: id[pixel as usize], view: VIEW_NOW }
 }
 
-/// 32 pseudorandom bits, different in each frame and run: the PCG output function (O'Neill 2014), applied to each part
-/// of the input in turn.
+/// 32 pseudorandom bits, different in each frame and run.
 fn hash(frame: &Frame, value: u32) -> u32 {
     pcg(value ^ pcg(frame.index ^ pcg(frame.seed)))
-}
-
-fn pcg(value: u32) -> u32 {
-    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    (word >> 22) ^ word
 }
 
 /// The number of bits by which priorities are shifted down, so that their sum stays below 2^32 in images of more than

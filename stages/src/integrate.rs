@@ -2,20 +2,17 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use epigraph_core::{
-    Access, CpuContext, Extent, Finding, Frame, In, Io, Out, Site, Stage, Threads, View, scratch,
-};
+use epigraph_core::{Access, CpuContext, Extent, Finding, In, Io, Out, Site, Stage, Threads};
 use rayon::prelude::*;
 
 use crate::{
     column,
-    meaning::{ARRIVED, DATE, POINTS, SAMPLES, SLOT},
+    meaning::{ARRIVED, DATE, LIGHT_SHIFT, POINTS, SAMPLES, SLOT},
     shared::{
-        cloud::{
-            AGE, BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, bounded, decode_radiance, encode_radiance,
-        },
+        cloud::{AGE, BODY_SHIFT, CHANGED, FRESH, LIVE, NOT_DRAWN, decode_radiance, encode_radiance},
         color::{luminance, tone_mapped_luma},
-        estimate::{Estimate, MOST_AT_REST, angle, in_line, on_surface},
+        estimate::{Estimate, MOST_AT_REST},
+        renewal::{Eye, is_spread},
         requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_LATE, VIEW_NOW},
     },
 };
@@ -27,7 +24,7 @@ epigraph_core::constants! {
     /// Points seen at most this many pixels from a changed one, on each axis, are flagged: a square of 7 x 7.
     const REACH: u32 = 3;
     /// Pixels on each side of a tile, of which all samples together tell whether its light has changed.
-    const TILE: u32 = 32;
+    pub const TILE: u32 = 32;
     /// What remains of a tile's evidence from one frame with samples to the next.
     const MEMORY: f32 = 0.8;
     /// Noise hardly explains a sum of differences of more than this many standard deviations.
@@ -120,7 +117,7 @@ impl Stage for Integrate {
             ),
             shift: io.write(
                 "shift",
-                scratch("For each tile the share by which its light has changed, 0 if it has not."),
+                LIGHT_SHIFT.doc("Of each tile of 32 x 32 pixels."),
                 Extent::Frame(TILE),
             ),
         });
@@ -261,7 +258,8 @@ impl Stage for Integrate {
         }
         rayon::join(
             || {
-                for (sample, &slot) in arrivals() {
+                // One that is spread over the pixel renews the point where it lies, which is where classes need it.
+                for (sample, &slot) in arrivals().filter(|(sample, _)| !is_spread(sample)) {
                     let [x, y, z] = sample.position;
                     position[slot as usize] = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
                 }
@@ -366,39 +364,6 @@ fn tile_of(pixel: u32, [width, height]: [u32; 2]) -> Option<usize> {
     (y < height).then(|| (y / TILE * width.div_ceil(TILE) + x / TILE) as usize)
 }
 
-/// From where the samples that arrive in a frame were seen: they were requested in the frame before.
-struct Eye {
-    position: [f32; 3],
-    /// Width of a pixel at a distance of 1.
-    pixel: f32,
-    /// Whether this frame's view is the same.
-    rests: bool,
-}
-
-impl Eye {
-    fn of(frame: &Frame) -> Self {
-        let View { eye, tan_x, .. } = frame.previous;
-        Self { position: eye, pixel: 2.0 * tan_x / frame.size[0] as f32, rests: frame.view == frame.previous }
-    }
-
-    /// Whether a sample was taken on the surface of the point that it was requested to renew. The slot of a late one may hold
-    /// another point by now.
-    fn renews(&self, sample: &Sample, meta: u32, [x, y, z, w]: [f32; 4]) -> bool {
-        sample.hit == HIT_SURFACE
-            && w != 0.0
-            && meta & LIVE != 0
-            && meta >> BODY_SHIFT == sample.body
-            && on_surface([x, y, z], sample, self.position, self.pixel)
-            && (sample.view != VIEW_LATE || in_line([x, y, z], sample.position, self.position, self.pixel))
-    }
-
-    /// A point's estimate as seen from here, which may be another direction than that of its last sample.
-    fn looks_again(&self, before: Estimate, single: &Estimate, most: f32) -> Estimate {
-        let [change, ..] = bounded([single.sharpness * angle(before.towards_eye, single.towards_eye); 3]);
-        before.doubt(change, if self.rests { MOST_AT_REST } else { most })
-    }
-}
-
 /// Stamps the 7 x 7 pixels around one, clipped to the image.
 fn stamp_around(pixel: u32, [width, height]: [u32; 2], stamp: u32, changed: &mut [u32]) {
     let (x, y) = (pixel % width, pixel / width);
@@ -417,7 +382,7 @@ mod tests {
     use crate::shared::{
         cloud::{MAX_RADIANCE, NO_POINT},
         octahedral::{NO_NORMAL, encode_oct16},
-        requests::{HIT_BACKGROUND, VIEW_PREDICTED},
+        requests::{HIT_BACKGROUND, SPREAD, VIEW_PREDICTED},
         testing::{Random, run_alike, run_both, settings},
     };
 
@@ -463,6 +428,19 @@ mod tests {
         let image_id = out.get::<u32>("cloud.image_id");
         assert_eq!([image_id[9], image_id[2], image_id[3]], [NOT_DRAWN, NOT_DRAWN, 3]);
         assert_eq!(out.get::<u32>("arrived"), [2]);
+    }
+
+    #[test]
+    fn a_point_stays_where_it_is_when_a_sample_from_elsewhere_in_its_pixel_renews_it() {
+        let spread = Sample { aim: SPREAD, ..sample(4, [1.0; 3]) };
+        let out = run_alike(&mut harness(16, &[spread], &[4]));
+        assert_eq!(out.get::<[f32; 4]>("cloud.position")[4], [1.0; 4]);
+        assert_eq!(out.get::<u32>("cloud.radiance")[4], encode_radiance([1.0; 3]));
+        assert_eq!(out.get::<u32>("cloud.meta")[4], LIVE | FRESH);
+        // What has no point to renew is where it is.
+        let predicted = Sample { reuse: NO_POINT, view: VIEW_PREDICTED, ..spread };
+        let out = run_alike(&mut harness(16, &[predicted], &[4]));
+        assert_eq!(out.get::<[f32; 4]>("cloud.position")[4], [1.0, 2.0, 3.0, 1.0]);
     }
 
     #[test]

@@ -58,6 +58,7 @@ pub mod predict;
 pub mod project;
 pub mod reach;
 pub mod reach_cull;
+pub mod refine;
 pub mod replace;
 pub mod shadow_edges;
 pub mod shared;
@@ -104,6 +105,7 @@ pub fn registry() -> Registry {
         .with::<project::Project>()
         .with::<reach::Reach>()
         .with::<reach_cull::ReachCull>()
+        .with::<refine::Refine>()
         .with::<replace::Replace>()
         .with::<shadow_edges::ShadowEdges>()
         .with::<silhouette::Silhouette>()

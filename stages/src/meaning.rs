@@ -49,6 +49,8 @@ epigraph_core::meanings! {
     AGES = "points by age", [Rule::count_of("points")];
     /// Frame number + 1 in which the sample of each slot came, 0 if unknown.
     DATE = "date";
+    /// The share by which the light of each tile has changed, as its samples tell, 0 if it has not.
+    LIGHT_SHIFT = "light shift", [Rule::floats(0.0, 1.0)];
 
     /// The point that each pixel shows, 0xFFFFFFFF for none.
     ID = "id", [POINT];

@@ -9,6 +9,7 @@ use crate::{
     shared::{
         cloud::{AGE, AGE_ONE, LIVE, NO_POINT},
         lanes::{LANES, padded},
+        renewal::{Eye, is_spread},
         requests::{HIT_NONE, Sample},
         scan::SCAN_BLOCKS,
     },
@@ -35,6 +36,7 @@ epigraph_core::params! {
 /// of ages covers the need, then some of exactly that age, both in slot order. Samples that find no slot get
 /// [`NO_POINT`].
 pub struct Replace {
+    cloud_position: In<[f32; 4]>,
     cloud_meta: In<u32>,
     samples: In<Sample>,
     histogram: In<u32>,
@@ -60,6 +62,7 @@ impl Stage for Replace {
             POINTS.doc("The points before this frame's samples."),
             Extent::Any,
         );
+        let cloud_position = cloud.read("position");
         let cloud_meta = cloud.read("meta");
         let samples =
             io.history("samples", SAMPLES.doc("The samples that arrived in the last frame."), Extent::Any);
@@ -97,12 +100,18 @@ impl Stage for Replace {
         io.compute("collect_slots", Threads::Groups(SCAN_BLOCKS));
         io.compute("assign", Threads::Groups(SCAN_BLOCKS));
         io.per_arrival(samples);
-        Self { cloud_meta, samples, histogram, claims, claimed, choice, oldest, slots }
+        Self { cloud_position, cloud_meta, samples, histogram, claims, claimed, choice, oldest, slots }
     }
 
     fn cpu(&self, params: &Self::Params, cx: &CpuContext) -> Result<(), String> {
-        let (meta, samples, histogram) =
-            (cx.read(self.cloud_meta), cx.read(self.samples), cx.read(self.histogram));
+        let (position, meta) = (cx.read(self.cloud_position), cx.read(self.cloud_meta));
+        let (samples, histogram) = (cx.read(self.samples), cx.read(self.histogram));
+        let eye = Eye::of(cx.frame());
+        let renews = |sample: &Sample| {
+            let point = sample.reuse as usize;
+            let Some(&meta) = meta.get(point).filter(|meta| **meta & LIVE != 0) else { return false };
+            params.reuse && sample.hit != HIT_NONE && eye.replaces(sample, meta, position[point])
+        };
         let (mut claims, mut claimed) = (cx.write(self.claims), cx.write(self.claimed));
         let (mut choice, mut oldest, mut slots) =
             (cx.write(self.choice), cx.write(self.oldest), cx.write(self.slots));
@@ -114,21 +123,20 @@ impl Stage for Replace {
 
         // claim
         for (index, sample) in samples.iter().enumerate() {
-            if params.reuse && renews(sample, &meta) {
+            if renews(sample) {
                 let claim = &mut claims[sample.reuse as usize];
                 *claim = (*claim).min(index as u32);
             }
         }
 
         // count_samples
-        let wins = |index: usize, sample: &Sample| {
-            params.reuse && renews(sample, &meta) && claims[sample.reuse as usize] == index as u32
-        };
+        let wins =
+            |index: usize, sample: &Sample| renews(sample) && claims[sample.reuse as usize] == index as u32;
         let mut need = 0;
         for (index, sample) in samples.iter().enumerate() {
             if wins(index, sample) {
                 claimed[age(meta[sample.reuse as usize]) as usize] += 1;
-            } else if sample.hit != HIT_NONE {
+            } else if needs(sample) {
                 need += 1;
             }
         }
@@ -147,7 +155,7 @@ impl Stage for Replace {
             *slot = NO_POINT;
             if wins(index, sample) {
                 *slot = sample.reuse;
-            } else if sample.hit != HIT_NONE {
+            } else if needs(sample) {
                 *slot = oldest[next];
                 next += 1;
             }
@@ -192,9 +200,9 @@ impl Free<'_> {
     }
 }
 
-/// Whether a sample renews a live point.
-fn renews(sample: &Sample, meta: &[u32]) -> bool {
-    sample.hit != HIT_NONE && meta.get(sample.reuse as usize).is_some_and(|meta| meta & LIVE != 0)
+/// Whether a sample takes any slot, if it does not get that of its point.
+fn needs(sample: &Sample) -> bool {
+    sample.hit != HIT_NONE && !is_spread(sample)
 }
 
 /// The whole-number age of a point; [`EMPTY`] for an empty slot.
@@ -226,7 +234,8 @@ mod tests {
 
     use super::*;
     use crate::shared::{
-        requests::{HIT_BACKGROUND, HIT_SURFACE},
+        octahedral::encode_oct16,
+        requests::{HIT_BACKGROUND, HIT_SURFACE, SPREAD},
         testing::{Random, run_alike, run_both, settings},
     };
 
@@ -253,6 +262,33 @@ mod tests {
 
     fn slots(reuse: bool, meta: &[u32], samples: &[Sample]) -> Vec<u32> {
         run_alike(&mut harness(reuse, meta, samples)).get("slots")
+    }
+
+    /// Of samples that are spread over a pixel, those on the point's surface renew it, and others get no slot.
+    #[test]
+    fn what_lies_beside_a_point_in_its_pixel_does_not_take_its_slot() {
+        let up = encode_oct16(glam::Vec3::Y);
+        let on = Sample { position: [0.3, 1.0, 0.2], normal: up, aim: SPREAD, ..sample(0) };
+        let samples = [
+            on,
+            Sample { position: [0.3, 1.5, 0.2], reuse: 1, ..on },
+            Sample { body: 1, reuse: 2, ..on },
+            Sample { hit: HIT_BACKGROUND, reuse: 3, ..on },
+            // A direction, and a place beyond it.
+            Sample { hit: HIT_BACKGROUND, reuse: 4, ..on },
+            Sample { reuse: 5, ..on },
+            // What has no point to renew takes the oldest slot, and what is not spread any.
+            Sample { reuse: NO_POINT, ..on },
+            Sample { body: 1, aim: 0, reuse: 2, ..on },
+            Sample { aim: 0, reuse: NO_POINT, ..on },
+        ];
+        let mut harness = harness(true, &[point(3); 8], &samples);
+        let mut position = [[0.0f32, 1.0, 0.0, 1.0]; 8];
+        (position[4][3], position[5][3]) = (0.0, 0.0);
+        harness.set("cloud.position", &position);
+        harness.frame.previous.eye = [0.0, 3.0, 0.0];
+        let slots = run_alike(&mut harness).get::<u32>("slots");
+        assert_eq!(slots, [0, NO_POINT, NO_POINT, NO_POINT, 4, NO_POINT, 1, 2, 3]);
     }
 
     #[test]

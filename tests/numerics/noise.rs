@@ -6,7 +6,14 @@ use epigraph_core::{
     Harness,
     testing::{Random, settings},
 };
-use epigraph_stages::atrous::{Atrous, AtrousParams};
+use epigraph_stages::{
+    atrous::{Atrous, AtrousParams},
+    refine::Refine,
+    shared::{
+        moves::Move,
+        requests::{HIT_SURFACE, SPREAD, Sample},
+    },
+};
 
 use crate::{
     Group, both,
@@ -17,7 +24,7 @@ use crate::{
     table::{Measure, Row, Unit},
 };
 
-pub static ROWS: Group = LazyLock::new(|| measured(&[|| vec![averaged()]]));
+pub static ROWS: Group = LazyLock::new(|| measured(&[|| vec![averaged()], || vec![refined()]]));
 
 /// A picture: colours, variances (`None` in holes), and which primary regions are joined.
 struct Picture {
@@ -141,4 +148,95 @@ fn averaged() -> Row {
         }
     }
     measure.row()
+}
+
+/// Pictures with the means of each pixel's own samples (section 12.4), while these come in.
+fn refined() -> Row {
+    let mut measure = Measure::within(
+        "refine",
+        "colours",
+        "radiance 10^-6 to 65,408; 4 to 300 samples a pixel, alike to a share of 10^-3 or not at all; 1x1 to 4096x1",
+        "f64, of all samples",
+        8.0,
+        Unit::Of("ULP of the largest"),
+    );
+    let mut random = Random(13);
+    for (size, frames) in [([1, 1], 300), ([1, 41], 60), ([61, 47], 60), ([4096, 1], 8)] {
+        for scale in [1e-6f32, 1.0, 16_000.0] {
+            let pixels = (size[0] * size[1]) as usize;
+            let mut harness = Harness::<Refine>::new((), &settings(size, pixels as u32));
+            let mut colors = |least: f32| -> Vec<[f32; 4]> {
+                (0..pixels).map(|_| [0; 4].map(|_| scale * random.between(least, 4.0))).collect()
+            };
+            let (color, middle) = (colors(0.5), colors(0.5));
+            harness.set("color", &color);
+            harness.set("id", &vec![0u32; pixels]);
+            harness.set("aim", &vec![0u32; pixels]);
+            harness.set("shift", &vec![0.0f32; size.map(|side| side.div_ceil(32) as usize).iter().product()]);
+            harness.set("moves", &[Move::REST]);
+            let noise: Vec<f32> = (0..pixels).map(|_| [1e-3, 0.1, 1.0][random.below(3) as usize]).collect();
+            let mut had = vec![Vec::new(); pixels];
+            for frame in 1..=frames {
+                let samples: Vec<Sample> = (0..pixels)
+                    .map(|at| {
+                        let share = 1.0 + noise[at] * random.between(-1.0, 0.02);
+                        let radiance = [0, 1, 2].map(|lane| middle[at][lane] * share);
+                        had[at].push(radiance.map(f64::from));
+                        Sample {
+                            hit: HIT_SURFACE,
+                            pixel: at as u32,
+                            radiance,
+                            aim: SPREAD,
+                            ..Sample::default()
+                        }
+                    })
+                    .collect();
+                harness.set("samples", &samples);
+                let outputs = both(&mut harness);
+                if frame != frames && frame != 4 {
+                    continue;
+                }
+                let expected = with_means(&Shape::new(size), &color, &had);
+                let unit = ulp((4.0 * scale).into());
+                for (side, outputs) in sides(&outputs) {
+                    let got = outputs.get::<[f32; 4]>("refined");
+                    let errors = got.iter().zip(&expected).flat_map(|(got, expected)| {
+                        (0..3).map(|lane| (f64::from(got[lane]) - expected[lane]).abs() / unit)
+                    });
+                    let worst = errors.fold(0f64, |worst, error| if error <= worst { worst } else { error });
+                    measure.record(side, &format!("{size:?} {frame} {scale:e}"), worst, 3 * pixels);
+                }
+            }
+        }
+    }
+    measure.row()
+}
+
+/// The colours of a picture with their share of the means of these samples.
+fn with_means(shape: &Shape, color: &[[f32; 4]], samples: &[Vec<[f64; 3]>]) -> Vec<[f64; 3]> {
+    let luminance = |of: [f64; 3]| 0.2126 * of[0] + 0.7152 * of[1] + 0.0722 * of[2];
+    let mean = |at: usize| {
+        [0, 1, 2].map(|lane| samples[at].iter().map(|of| of[lane]).sum::<f64>() / samples[at].len() as f64)
+    };
+    // The variance of each mean, and its squared difference from the picture.
+    let evidence: Vec<[f64; 2]> = (0..color.len())
+        .map(|at| {
+            let (number, mean) = (samples[at].len() as f64, mean(at));
+            let squares: f64 = samples[at].iter().map(|of| (luminance(*of) - luminance(mean)).powi(2)).sum();
+            let aside = luminance([0, 1, 2].map(|lane| (mean[lane] - f64::from(color[at][lane])).abs()));
+            [squares / number / (number - 1.0) * (1.0 + 2.0 / (number - 1.0)), aside.powi(2)]
+        })
+        .collect();
+    let of = |[noise, all]: [f64; 2]| (1.0 - noise / all).max(0.0);
+    let shown = shape.pixels().map(|at| {
+        let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| [at[0] + x, at[1] + y]));
+        let sums = around.filter_map(|there| shape.index(there)).fold([0.0; 2], |[noise, all], there| {
+            [noise + 2.0 * evidence[there][0], all + evidence[there][1]]
+        });
+        let at = shape.index(at).expect("inside");
+        let share = of(evidence[at]).min(of(sums));
+        let own = color[at].map(f64::from);
+        [0, 1, 2].map(|lane| own[lane] + share * (mean(at)[lane] - own[lane]))
+    });
+    shown.collect()
 }

@@ -9,6 +9,8 @@ pub mod lanes;
 pub mod moves;
 pub mod nearer;
 pub mod octahedral;
+pub mod random;
+pub mod renewal;
 pub mod requests;
 pub mod sample;
 pub mod scan;

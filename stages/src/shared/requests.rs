@@ -7,6 +7,10 @@ epigraph_core::constants! {
     pub const NO_PIXEL: u32 = u32::MAX;
     /// The `aim` at the pixel's centre.
     pub const PIXEL_CENTER: u32 = 0x8000_8000;
+    /// Bit of an `aim`: it is one of many that are spread over the pixel of a resting camera (`refine`). The sample joins the
+    /// point that the pixel shows if it lies on that surface; otherwise it does not enter the cloud. Without such a point it is
+    /// like others.
+    pub const SPREAD: u32 = 1;
     /// The `view` of requests of the camera of the frame.
     pub const VIEW_NOW: u32 = 0;
     /// The `view` of requests of the camera predicted for a later frame.
