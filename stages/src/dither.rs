@@ -40,7 +40,7 @@ use crate::{
     shared::{
         cloud::NO_POINT,
         random::pcg,
-        requests::{PIXEL_CENTER, Request, SPREAD, VIEW_NOW, VIEW_PREDICTED},
+        requests::{NO_PIXEL, PIXEL_CENTER, Request, SPREAD, VIEW_NOW, VIEW_PREDICTED},
     },
 };
 
@@ -71,6 +71,9 @@ constants! {
 
 /// Tiles per parallel task on the CPU.
 const TASK_TILES: usize = 16;
+
+/// Requests per parallel task.
+const ASK_TASK: usize = 1024;
 
 /// Pixels per parallel task that counts quotients.
 const COUNT_TASK: usize = 16384;
@@ -256,16 +259,9 @@ impl Stage for Dither {
         }
 
         let wanted = rest.len() as u32;
-        let ask = |[x, y]: [u32; 2]| {
-            let pixel = y * pixels.width + x;
-            let bare = id[pixel as usize] == NO_POINT && priority[pixel as usize] >= BARE;
-            let margin = x.min(y).min(pixels.width - 1 - x).min(pixels.height - 1 - y);
-            if moving && bare && margin < params.border && hash(frame, pixel) & 1 == 1 {
-                ask_predicted(frame, pixel, pixel)
-            } else {
-                ask_pixel(frame, params.aim, pixel, id, aims)
-            }
-        };
+        // First picks pixels and then looks up what their requests say: many look-ups are in flight at once, while no pick
+        // waits for one.
+        let pick = |[x, y]: [u32; 2]| Request { pixel: y * pixels.width + x, ..Request::NONE };
         match self.by_kind {
             ByKind::Systematic { tiles } => {
                 let shift = shift(pixels);
@@ -279,7 +275,7 @@ impl Stage for Dither {
                 weights(MAX_PRIORITY).add(tiles);
                 let limited = weights(limit(tiles.iter().sum(), wanted));
                 limited.add(tiles);
-                ask_systematically(frame, &limited, tiles, rest, &ask);
+                ask_systematically(frame, &limited, tiles, rest, &pick);
             }
             ByKind::BlueNoise { tiles, quotients } => {
                 let quotients = &mut cx.write(quotients)[..];
@@ -289,12 +285,26 @@ impl Stage for Dither {
                 let picked = Weights { dims: pixels, values: quotients, of, level };
                 let tiles = &mut cx.write(tiles)[..];
                 picked.add(tiles);
-                ask_systematically(frame, &picked, tiles, rest, &ask);
+                ask_systematically(frame, &picked, tiles, rest, &pick);
             }
             ByKind::Serpentine { carry } => {
-                serpentine(priority, &mut cx.write(carry)[..pixels.width as usize], rest, &ask);
+                serpentine(priority, &mut cx.write(carry)[..pixels.width as usize], rest, &pick);
             }
         }
+        rest.par_iter_mut().with_min_len(ASK_TASK).filter(|request| request.pixel != NO_PIXEL).for_each(
+            |request| {
+                let pixel = request.pixel;
+                let [x, y] = [pixel % pixels.width, pixel / pixels.width];
+                let margin = x.min(y).min(pixels.width - 1 - x).min(pixels.height - 1 - y);
+                let is_near = moving && margin < params.border;
+                let is_bare = || id[pixel as usize] == NO_POINT && priority[pixel as usize] >= BARE;
+                *request = if is_near && is_bare() && hash(frame, pixel) & 1 == 1 {
+                    ask_predicted(frame, pixel, pixel)
+                } else {
+                    ask_pixel(frame, params.aim, pixel, id, aims)
+                };
+            },
+        );
         Ok(())
     }
 
