@@ -142,16 +142,25 @@ fn mix_in(@builtin(global_invocation_id) pixel: vec3<u32>) {
     var result = textureLoad(color, pixel.xy, 0);
     if number >= FIRST + FEWEST {
         let own = evidence[p];
+        let shown = luminance(result.rgb);
         var sum = vec2(0.0);
+        var steps = 0.0;
+        var pixels = 0.0;
         for (var dy = -1; dy <= 1; dy++) {
             for (var dx = -1; dx <= 1; dx++) {
                 let at = vec2<i32>(pixel.xy) + vec2(dx, dy);
                 if !is_outside(at) {
                     sum += evidence[pixel_index(vec2<u32>(at))];
+                    let step = luminance(textureLoad(color, at, 0).rgb) - shown;
+                    steps += step * step;
+                    pixels += 1.0;
                 }
             }
         }
-        let share = min(unexplained(own.x, own.y), unexplained(CAUTION * sum.x, sum.y));
+        // What few samples may have missed.
+        let of_mean = f32(number - FIRST);
+        let missed = (MISSED_STEPS * (steps / pixels) + MISSED_LIGHT * shown * shown) / (of_mean * of_mean);
+        let share = min(unexplained(own.x + missed, own.y), unexplained(CAUTION * sum.x, sum.y));
         result += vec4(share * (mean[p].rgb - result.rgb), 0.0);
     }
     textureStore(refined, pixel.xy, result);

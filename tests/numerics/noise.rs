@@ -157,7 +157,7 @@ fn refined() -> Row {
         "colours",
         "radiance 10^-6 to 65,408; 4 to 300 samples a pixel, alike to a share of 10^-3 or not at all; 1x1 to 4096x1",
         "f64, of all samples",
-        8.0,
+        30.0,
         Unit::Of("ULP of the largest"),
     );
     let mut random = Random(13);
@@ -230,12 +230,17 @@ fn with_means(shape: &Shape, color: &[[f32; 4]], samples: &[Vec<[f64; 3]>]) -> V
     let of = |[noise, all]: [f64; 2]| (1.0 - noise / all).max(0.0);
     let shown = shape.pixels().map(|at| {
         let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| [at[0] + x, at[1] + y]));
-        let sums = around.filter_map(|there| shape.index(there)).fold([0.0; 2], |[noise, all], there| {
+        let around: Vec<usize> = around.filter_map(|there| shape.index(there)).collect();
+        let sums = around.iter().fold([0.0; 2], |[noise, all], &there| {
             [noise + 2.0 * evidence[there][0], all + evidence[there][1]]
         });
         let at = shape.index(at).expect("inside");
-        let share = of(evidence[at]).min(of(sums));
         let own = color[at].map(f64::from);
+        let shown = |at: usize| luminance([0, 1, 2].map(|lane| f64::from(color[at][lane])));
+        let steps: f64 = around.iter().map(|&there| (shown(there) - shown(at)).powi(2)).sum();
+        let missed = 2.0 * steps / around.len() as f64 + 16.0 * shown(at).powi(2);
+        let missed = missed / (samples[at].len() as f64).powi(2);
+        let share = of([evidence[at][0] + missed, evidence[at][1]]).min(of(sums));
         [0, 1, 2].map(|lane| own[lane] + share * (mean(at)[lane] - own[lane]))
     });
     shown.collect()

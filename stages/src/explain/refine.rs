@@ -22,8 +22,7 @@ pub(super) fn at(stage: &Refine, site: &Site) -> Option<Vec<Finding>> {
     }
     let evidence = site.wrote(stage.evidence)?;
     let around = DIRECTIONS.iter().filter_map(|&direction| site.beside(direction)).chain([at]);
-    let sums = around.fold([0.0; 2], |sums, at| [sums[0] + evidence[at][0], sums[1] + evidence[at][1]]);
-    let share = share_of_mean(evidence[at], sums);
+    let share = share_of_mean(at, number, around, &evidence, &site.read(stage.color)?);
     findings.push(Finding::color(format!("mean of {number} samples"), &site.wrote(stage.mean)?[at]));
     let [noise, difference] = evidence[at].map(f32::sqrt);
     findings.push(Finding::value("its noise", format!("{noise:.4}")));
