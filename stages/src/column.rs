@@ -26,7 +26,10 @@ mod tests {
     #[test]
     fn each_stage_counts_towards_its_column() {
         let all = [
-            (P1, "age albedo carry dither integrate motion point_cloud replace stream_cut stream_decode"),
+            (
+                P1,
+                "age albedo carry dither integrate motion pending point_cloud replace stream_cut stream_decode",
+            ),
             (P2, "image_id project"),
             (P3, "predict"),
             (P4, "depth_cull"),

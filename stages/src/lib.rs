@@ -53,6 +53,7 @@ pub mod interpolate;
 pub mod meaning;
 pub mod mesh;
 pub mod motion;
+pub mod pending;
 pub mod point_cloud;
 pub mod predict;
 pub mod project;
@@ -100,6 +101,7 @@ pub fn registry() -> Registry {
         .with::<interpolate::Interpolate>()
         .with::<mesh::Mesh>()
         .with::<motion::Motion>()
+        .with::<pending::Pending>()
         .with::<point_cloud::PointCloud>()
         .with::<predict::Predict>()
         .with::<project::Project>()

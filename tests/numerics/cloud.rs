@@ -1,6 +1,6 @@
 //! The stages that keep the point cloud: ages, slots, samples that enter, bodies that move. Mostly whole numbers.
 
-use std::sync::LazyLock;
+use std::{collections::HashSet, sync::LazyLock};
 
 use epigraph_core::{
     Harness, Side,
@@ -12,11 +12,12 @@ use epigraph_stages::{
     carry::{Carry, CarryParams},
     image_id::{Ids, ImageId, ImageIdParams},
     integrate::{Integrate, IntegrateParams},
+    pending::Pending,
     point_cloud::{PointCloud, PointCloudParams},
     replace::{Replace, ReplaceParams},
     shared::{
         moves::{Blocker, Lamp, Move},
-        requests::Sample,
+        requests::{Request, Sample},
     },
 };
 
@@ -31,6 +32,7 @@ pub static ROWS: Group = LazyLock::new(|| {
     measured(&[
         || vec![memory()],
         || vec![seen()],
+        || vec![under_way()],
         || ages().into(),
         || vec![slots()],
         || samples().into(),
@@ -124,6 +126,53 @@ fn seen() -> Row {
                 &outputs.get("cloud.image_id"),
                 &expected,
             );
+        }
+    }
+    measure.row()
+}
+
+/// Ages of points whose samples are under way (section 12.1).
+fn under_way() -> Row {
+    let mut measure = Measure::exact(
+        "pending",
+        "ages of points with a sample under way",
+        "1 to 2^24 + 1 points; up to 2^20 requests and samples, some of no point; camera at rest and moving",
+        "whole numbers",
+    );
+    let mut random = Random(8);
+    for (slots, count) in [(1, 1), (2, 50), (1000, 300), (65_537, 9000), ((1 << 24) + 1, 1 << 20)] {
+        let word = |random: &mut Random| {
+            [0, LIVE, LIVE | CHANGED][random.below(3) as usize] | random.bits() & 0xFF00_FFFF
+        };
+        let before: Vec<u32> = (0..slots).map(|_| word(&mut random)).collect();
+        let requests: Vec<Request> = (0..count)
+            .map(|pixel| {
+                let reuse = if random.below(4) == 0 { NONE } else { random.below(slots + 1) };
+                Request { pixel, reuse, ..Request::NONE }
+            })
+            .collect();
+        let samples: Vec<Sample> = (0..count)
+            .map(|_| Sample { hit: random.below(3), reuse: random.below(slots + 1), ..Sample::default() })
+            .collect();
+        let answered: HashSet<u32> =
+            samples.iter().filter(|sample| sample.hit != 0).map(|sample| sample.reuse).collect();
+        for moves in [false, true] {
+            let mut after = before.clone();
+            for request in requests.iter().filter(|request| !moves && request.reuse < slots) {
+                let word = &mut after[request.reuse as usize];
+                if *word & LIVE != 0 && !answered.contains(&request.reuse) {
+                    *word = *word >> 16 << 16;
+                }
+            }
+            let mut harness = Harness::<Pending>::new((), &settings([1, 1], count));
+            harness.frame.view.near += if moves { 0.5 } else { 0.0 };
+            harness.set("cloud.meta", &before);
+            harness.set("requests", &requests);
+            harness.set("samples", &samples);
+            for (side, outputs) in sides(&both(&mut harness)) {
+                let got = outputs.get("cloud.meta");
+                measure.compare_words(side, &format!("{slots} points"), [1, 1], &got, &after);
+            }
         }
     }
     measure.row()
