@@ -2,7 +2,7 @@
 //!
 //! However clean samples are, a picture interpolated from them stays wrong where it lacks something: in pixels in which edges meet,
 //! at highlights and textures finer than a pixel. But while the camera rests, each pixel gets samples of its own. From
-//! the second one on they are requested all over the pixel's area, so their mean converges to the pixel's true colour. That
+//! the fourth one on they are requested all over the pixel's area, so their mean converges to the pixel's true colour. That
 //! mean is noisy at first. So it is mixed into the picture by the share of their difference that noise does not explain.
 
 use epigraph_core::{
