@@ -172,7 +172,7 @@ fn is_renewal(index: u32) -> bool {
     if point >= arrayLength(&cloud_meta) || (cloud_meta[point] & LIVE) == 0u {
         return false;
     }
-    return samples[index].view == VIEW_NOW || (samples[index].view == VIEW_LATE && is_on_surface_of(samples[index], cloud_meta[point], cloud_position[point]));
+    return samples[index].view == VIEW_NOW || (samples[index].view == VIEW_LATE && renews(index, point));
 }
 
 // Whether the point that a sample was requested to renew is live and had a different colour.
@@ -206,7 +206,7 @@ fn single(index: u32) -> Estimate {
 // The estimate of the point in a slot with a sample that takes the slot.
 fn estimate_with(index: u32, slot: u32) -> Estimate {
     let alone = single(index);
-    if samples[index].reuse != slot || !is_on_surface_of(samples[index], cloud_meta[slot], cloud_position[slot]) {
+    if samples[index].reuse != slot || !renews(index, slot) {
         return alone;
     }
     let before = load_estimate(cloud_mean[slot], cloud_record[slot]);
@@ -215,6 +215,11 @@ fn estimate_with(index: u32, slot: u32) -> Estimate {
     return joined(doubted(before, change, most), alone);
 }
 #endif
+
+// Whether a sample was taken on the surface of the point that it was requested to renew.
+fn renews(index: u32, slot: u32) -> bool {
+    return is_on_surface_of(samples[index], cloud_meta[slot], cloud_position[slot]);
+}
 
 // Stamps the 7 x 7 pixels around one, clipped to the image.
 fn stamp_around(index: u32) {

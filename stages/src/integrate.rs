@@ -13,7 +13,7 @@ use crate::{
         color::{luminance, tone_mapped_luma},
         estimate::{Estimate, MOST_AT_REST},
         renewal::{Eye, is_spread},
-        requests::{HIT_NONE, HIT_SURFACE, Sample, VIEW_LATE, VIEW_NOW},
+        requests::{HIT_NONE, Sample, VIEW_LATE, VIEW_NOW},
     },
 };
 
@@ -260,8 +260,7 @@ impl Stage for Integrate {
             || {
                 // One that is spread over the pixel renews the point where it lies, which is where classes need it.
                 for (sample, &slot) in arrivals().filter(|(sample, _)| !is_spread(sample)) {
-                    let [x, y, z] = sample.position;
-                    position[slot as usize] = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
+                    position[slot as usize] = sample.place();
                 }
             },
             || {
@@ -382,7 +381,7 @@ mod tests {
     use crate::shared::{
         cloud::{MAX_RADIANCE, NO_POINT},
         octahedral::{NO_NORMAL, encode_oct16},
-        requests::{HIT_BACKGROUND, SPREAD, VIEW_PREDICTED},
+        requests::{HIT_BACKGROUND, HIT_SURFACE, SPREAD, VIEW_PREDICTED},
         testing::{Random, run_alike, run_both, settings},
     };
 

@@ -19,7 +19,7 @@ use crate::{
         moves::Move,
         random::pcg,
         renewal::is_spread,
-        requests::{HIT_NONE, HIT_SURFACE, Request, SPREAD, Sample, VIEW_LATE, VIEW_NOW},
+        requests::{HIT_NONE, Request, SPREAD, Sample, VIEW_LATE, VIEW_NOW},
         view::place_in_image,
     },
 };
@@ -208,9 +208,7 @@ fn is_of_its_pixel(frame: &Frame, sample: &Sample) -> bool {
     match sample.view {
         VIEW_NOW => true,
         VIEW_LATE => {
-            let [x, y, z] = sample.position;
-            let position = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
-            let [x, y, z] = place_in_image(&frame.view, position, frame.size);
+            let [x, y, z] = place_in_image(&frame.view, sample.place(), frame.size);
             let Sample { pixel, aim, reuse, view, .. } = *sample;
             let [to_x, to_y] = Request { pixel, aim, reuse, view }.target(frame.size[0]);
             z > 0.0 && (x - to_x).abs() <= NEAR && (y - to_y).abs() <= NEAR
@@ -288,7 +286,7 @@ mod tests {
 
     use super::*;
     use crate::shared::{
-        requests::{HIT_BACKGROUND, PIXEL_CENTER, VIEW_PREDICTED},
+        requests::{HIT_BACKGROUND, HIT_SURFACE, PIXEL_CENTER, VIEW_PREDICTED},
         testing::{Random, run_alike, run_both, settings},
     };
 

@@ -8,7 +8,7 @@ use crate::{
     meaning::{ID, REQUESTS, SAMPLES},
     shared::{
         cloud::NO_POINT,
-        requests::{HIT_SURFACE, Request, Sample, VIEW_LATE},
+        requests::{Request, Sample, VIEW_LATE},
         view::Projected,
     },
 };
@@ -108,9 +108,7 @@ impl Stage for Trace {
 
 /// The point that a frame shows where a sample lies; [`NO_POINT`] if there is none, or the sample is not in the image.
 fn shown_at(sample: &Sample, frame: &Frame, id: &[u32]) -> u32 {
-    let [x, y, z] = sample.position;
-    let position = [x, y, z, if sample.hit == HIT_SURFACE { 1.0 } else { 0.0 }];
-    let Some(projected) = Projected::of(&frame.view, position, frame.size) else { return NO_POINT };
+    let Some(projected) = Projected::of(&frame.view, sample.place(), frame.size) else { return NO_POINT };
     let [x, y] = projected.pixel();
     id[(y * frame.size[0] + x) as usize]
 }
@@ -118,7 +116,10 @@ fn shown_at(sample: &Sample, frame: &Frame, id: &[u32]) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shared::{requests::HIT_BACKGROUND, testing::settings};
+    use crate::shared::{
+        requests::{HIT_BACKGROUND, HIT_SURFACE},
+        testing::settings,
+    };
 
     #[test]
     fn a_late_sample_finds_the_point_of_the_pixel_in_which_it_lies_by_now() {

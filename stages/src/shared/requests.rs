@@ -90,6 +90,15 @@ impl Request {
     }
 }
 
+impl Sample {
+    /// Where it lies, as the cloud keeps positions: w = 1 for a point, 0 for a direction.
+    #[inline]
+    pub fn place(&self) -> [f32; 4] {
+        let [x, y, z] = self.position;
+        [x, y, z, if self.hit == HIT_SURFACE { 1.0 } else { 0.0 }]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
